@@ -184,7 +184,7 @@ def coverage_table(drawn: Sequence[DrawnFit]) -> list[str]:
             unit, scale = {"heading": ("°", math.degrees(1)), "threshold": ("dB", 1.0)}.get(key, ("mm", 1e3))
             errors = np.abs([one.errors[key] for one in rows]) * scale
             stated = np.median([one.deviations[key] for one in rows]) * scale
-            held = np.mean([one.covered[key] for one in rows])
+            held = np.mean([row.covered[key] for row in rows])
             lines.append(
                 f"{name:11} {key:10} median error {np.median(errors):7.3f} {unit:2}  95 % below "
                 f"{np.percentile(errors, 95):7.3f} {unit:2}  stated ± {stated:7.3f} {unit:2}  "
@@ -205,7 +205,7 @@ def reflectance_fit(seed: int) -> list[tuple[float, float, float]]:
     for k in range(3):
         place = place_in(room, random)
         scans.append(PlacedScan(synthetic_scan(real, place, board, 100 * seed + k, echoes=5), place, f"scan{k}"))
-    free = free_parameters(("position", "heading", "reflectance"), [one.name for one in scans], room, board)
+    free = free_parameters(("position", "heading", "reflectance"), [scan.name for scan in scans], room, board)
     near = [_around(one, scans) if isinstance(one.quantity, PlaceQuantity) else one for one in free]
     result = fit_scans(scans, room, board, near, options=FitOptions(seed=seed))
     found = [result.estimates[f"reflectance:{name}"] for name in ("board", "foam")]

@@ -59,12 +59,12 @@ class CalibratedBoard:
         In the units of `COLUMNS`.
         """
         errors = {}
-        for one in self.found.findings:
-            if one.key in self.constants:
-                truth = self.constants[one.key]
-                unit = truth / 100 if COLUMNS[one.key].endswith("%") else 1.0
-                half = (one.high - one.low) / 2
-                errors[one.key] = (one.value - truth) / unit, half / unit, one.low <= truth <= one.high
+        for finding in self.found.findings:
+            if finding.key in self.constants:
+                truth = self.constants[finding.key]
+                unit = truth / 100 if COLUMNS[finding.key].endswith("%") else 1.0
+                half = (finding.high - finding.low) / 2
+                errors[finding.key] = (finding.value - truth) / unit, half / unit, finding.low <= truth <= finding.high
         return errors
 
 
@@ -119,7 +119,7 @@ def main() -> None:
         print(f"{row:5}" + "".join(f"{cell:>16}" for cell in cells), flush=True)
     largest = [max((abs(errors[key][0]) for errors in every if key in errors), default=math.nan) for key in keys]
     print("most " + "".join(f"{one:>16.2f}" for one in largest))
-    held = [one[2] for errors in every for one in errors.values()]
+    held = [error[2] for errors in every for error in errors.values()]
     print(f"{sum(held)} of {len(held)} intervals contain the constant")
 
 

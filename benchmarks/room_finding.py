@@ -103,7 +103,7 @@ def find_rooms(cases: Iterable[RandomRoom], board: Board, option: str | None) ->
         poses = f"; {pose_text(searches[-1].case, searches[-1].found)}" if option else ""
         print(f"{case.seed:4} {_row(searches[-1])}{poses}", flush=True)
     totals = [sum(of_rooms, Lengths(0, 0, 0, 0)) for of_rooms in zip(*(one.lengths for one in searches), strict=True)]
-    held = [wall for one in searches for wall in one.held]
+    held = [wall for search in searches for wall in search.held]
     print(f"all {' ' * 38} {_agreement(totals, held)}")
 
 

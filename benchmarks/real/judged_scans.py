@@ -163,7 +163,9 @@ def load_sensors(folder: Path) -> dict[str, list[RealScan]]:
 
 def _without_means(scans: Sequence[RealScan]) -> list[RealScan]:
     """Return scans of one sensor without means of pings with different ranges, as by `sonarhw import --mean-of`."""
-    ranges = [np.array([_SILENT if one.range is None else one.range for one in scan.readings]) for scan in scans]
+    ranges = [
+        np.array([_SILENT if reading.range is None else reading.range for reading in scan.readings]) for scan in scans
+    ]
     pings = likely_pings(ranges, _UNIT)
     if pings is None:
         return list(scans)
@@ -243,7 +245,7 @@ def _agreement(one: RealScan, other: RealScan) -> tuple[int, int]:
 
 
 def _ranges(scan: RealScan) -> FloatArray:
-    return np.array([math.nan if one.range is None else one.range for one in scan.readings])
+    return np.array([math.nan if reading.range is None else reading.range for reading in scan.readings])
 
 
 def _pooled(counts: Sequence[tuple[int, int]]) -> float:

@@ -112,7 +112,7 @@ def population(sensors: Sequence[Calibrated]) -> Calibrated:
         threshold_sd_db=float(np.hypot(np.std(thresholds, ddof=1), np.sqrt(np.mean(np.square(within))))),
         range_sd=float(np.sqrt(np.mean([board.range_sd**2 for board in boards]))),
     )
-    reflectances = [one.reflectance for one in sensors]
+    reflectances = [sensor.reflectance for sensor in sensors]
     return Calibrated(mean, float(np.mean(reflectances)), float(np.std(reflectances, ddof=1)))
 
 
@@ -144,7 +144,7 @@ def _tested(scan: RealScan, board: Board, room: Room, free: frozenset[str]) -> T
 
 def kept(name: str, scans: Sequence[RealScan], compute: Callable[[], Result], more: str = "") -> Result:
     """Return a result of scans, from the folder of results if it was computed by the same code, or computed now."""
-    read = [(scan.name, scan.spot, [(one.angle, one.range) for one in scan.readings]) for scan in scans]
+    read = [(scan.name, scan.spot, [(reading.angle, reading.range) for reading in scan.readings]) for scan in scans]
     key = hashlib.sha256(repr((read, more, _code())).encode()).hexdigest()[:16]
     file = KEPT / f"{name}-{key}.pickle"
     if file.is_file():

@@ -15,17 +15,7 @@ import typer
 from sonarhw_sim.compilation import watch_compilation
 
 from sonarhw.errors import ExitStatus, SonarError
-from sonarhw_cli import calibrate, compare, fit, logs, rooms, scan, scanner, simulate, window
-from sonarhw_cli.options import (
-    CommandList,
-    choose_verbosity,
-    plain,
-    print_detail,
-    print_error,
-    print_help,
-    print_line,
-    with_options,
-)
+from sonarhw_cli import calibrate, compare, fit, logs, options, rooms, scan, scanner, simulate, window
 from sonarhw_cli.outputs import ClosedOutput, CompilationProgress
 
 # The wording of errors for people who type commands: with options, with what was expected, and with what to do.
@@ -122,7 +112,7 @@ def _usage(context: typer.Context) -> str:
     for option in context.command.params:
         if option.param_type_name == "option" and option.required:
             names, _ = option.get_help_record(context) or ("", "")
-            pieces.append(plain(option, names))
+            pieces.append(options.plain(option, names))
     return " ".join([context.command_path, *pieces])
 
 
@@ -138,7 +128,7 @@ def _with_argument_hint(message: str, arguments: Sequence[str]) -> str:
     return message
 
 
-app = CommandList(
+app = options.CommandList(
     name="sonarhw",
     help="Scan a room with an ultrasonic ranging board, and compare the scan with its prediction.",
     no_args_is_help=True,
@@ -205,7 +195,7 @@ def _show_version(wanted: bool) -> None:
     if wanted:
         from importlib.metadata import version
 
-        print_line(f"sonarhw {version('sonarhw')}")
+        options.print_line(f"sonarhw {version('sonarhw')}")
         raise typer.Exit
 
 
@@ -229,7 +219,7 @@ def sonarhw(
     verbose: Verbose = False,
 ) -> None:
     """Scan a room with an ultrasonic ranging board, and compare the scan with its prediction."""
-    choose_verbosity(quiet=quiet, verbose=verbose)
+    options.choose_verbosity(quiet=quiet, verbose=verbose)
 
 
 _FIRST_STEPS = """\
@@ -270,8 +260,10 @@ def _status(arguments: list[str] | None) -> int:
     except typer.Exit as exit_wanted:
         return exit_wanted.exit_code
     except SonarError as error:
-        print_detail(f"this is {type(error).__name__}, exit status {error.exit_status}; see docs/reference/errors.md")
-        return _report(_with_argument_hint(with_options(str(error)), given), error.exit_status)
+        options.print_detail(
+            f"this is {type(error).__name__}, exit status {error.exit_status}; see docs/reference/errors.md"
+        )
+        return _report(_with_argument_hint(options.with_options(str(error)), given), error.exit_status)
     except typer.TyperException as error:
         return _refuse(parser_message(error, given), error.exit_code)
     except KeyboardInterrupt:
@@ -288,12 +280,12 @@ def _refuse(message: str, status: int) -> int:
     # without a command, the message is the help
     if not message.startswith("Usage:"):
         return _report(message, status)
-    print_help(_FIRST_STEPS if message.startswith("Usage: sonarhw [OPTIONS] COMMAND") else message)
+    options.print_help(_FIRST_STEPS if message.startswith("Usage: sonarhw [OPTIONS] COMMAND") else message)
     return status
 
 
 def _report(message: str, status: int) -> int:
-    print_error(message)
+    options.print_error(message)
     return status
 
 

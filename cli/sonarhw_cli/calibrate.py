@@ -11,22 +11,9 @@ from sonarhw_compare.picture_file import PICTURES
 from sonarhw_sim.air import DEFAULT_BOARD
 
 from sonarhw.errors import InputError, NoPlate, counted
+from sonarhw_cli import options
 from sonarhw_cli.inputs import check_one_of_each, connect_turntable, open_room, open_scan, place_of_pose, print_place
 from sonarhw_cli.interruption import interruption
-from sonarhw_cli.options import (
-    LOG,
-    ROOM_NAME,
-    Force,
-    Temperature,
-    check_degrees,
-    check_temperature,
-    complete_board,
-    order_in_degrees,
-    print_json,
-    print_line,
-    refuse_given,
-    warn,
-)
 from sonarhw_cli.outputs import checked_out, progress_of_share, write_figure, write_text
 
 if TYPE_CHECKING:
@@ -63,13 +50,13 @@ StartingBoard = Annotated[
         "--board",
         help=f"Board profile to begin with: name or file; default: the logs', with a URL {DEFAULT_BOARD}.",
         metavar="NAME|FILE.toml",
-        autocompletion=complete_board,
+        autocompletion=options.complete_board,
     ),
 ]
 KnownRoom = Annotated[
     str | None,
     typer.Option(
-        "--room", help="Room that the logs are scans of: name or file, without --distance.", metavar=ROOM_NAME
+        "--room", help="Room that the logs are scans of: name or file, without --distance.", metavar=options.ROOM_NAME
     ),
 ]
 PlacesOfLogs = Annotated[
@@ -120,9 +107,9 @@ def calibrate(
     width: SectorWidth = 60.0,
     step: SectorStep = 0.5,
     pings: Annotated[int, typer.Option(help="Pings at each angle.", min=1, max=255)] = 3,
-    temperature: Temperature = None,
+    temperature: options.Temperature = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
-    force: Force = False,
+    force: options.Force = False,
 ) -> None:
     """Write the profile of a board, from a plate or a known room.
 
@@ -134,17 +121,17 @@ def calibrate(
     checked_out(out, (PROFILE,), force, *sources, board, room_name)
     of_room = {"--place": places, "--pose": poses, "--room-out": room_out, "--plot": plot}
     _check_method(room_name, distances, directions, of_room)
-    logs = [Path(source) for source in sources if Path(source).suffix == LOG]
+    logs = [Path(source) for source in sources if Path(source).suffix == options.LOG]
     if len(logs) < len(sources):
         _check_scanner(sources, room_name)
-        check_temperature(temperature)
+        options.check_temperature(temperature)
         # of an option that is given twice, the last one counts, as in other commands
         distance, direction = (distances or [0.0])[-1], (directions or [0.0])[-1]
         plate = _of_plate_now(sources[0], distance, direction, board, (width, step, pings), temperature)
         _write_profile(plate, out, force)
         _print(plate, out, as_json)
         return
-    refuse_given(context, _OF_A_SCAN, "is for a scan by a scanner; remove it, or give a URL in place of logs")
+    options.refuse_given(context, _OF_A_SCAN, "is for a scan by a scanner; remove it, or give a URL in place of logs")
     if room_name is None:
         plates = _of_plates(logs, distances or [], directions or [], board)
         _write_profile(plates, out, force)
@@ -170,9 +157,9 @@ def calibrate(
 def _check_scanner(sources: list[str], room_name: str | None) -> None:
     """Raise InputError unless the source is the URL of one scanner, for a plate."""
     if room_name is not None:
-        raise InputError(f"--room {room_name}: expected logs (*{LOG}), not the URL of a scanner; scan first")
+        raise InputError(f"--room {room_name}: expected logs (*{options.LOG}), not the URL of a scanner; scan first")
     if len(sources) > 1:
-        raise InputError(f"{', '.join(sources)}: expected the URL of one scanner, or logs (*{LOG})")
+        raise InputError(f"{', '.join(sources)}: expected the URL of one scanner, or logs (*{options.LOG})")
 
 
 def _check_method(
@@ -212,7 +199,7 @@ def _of_plate_now(
         raise InputError(
             f"--distance {distance:g}: expected {nearest:.2g} to {board.max_range:g} m, this board's range"
         )
-    order = order_in_degrees(direction - width / 2, direction + width / 2, step, pings=pings)
+    order = options.order_in_degrees(direction - width / 2, direction + width / 2, step, pings=pings)
     _check_sector(order, width, step)
     readings = _scanned(url, order, board, temperature)
     from sonarhw_compare.calibration.plate import calibrate_facing_plate
@@ -285,7 +272,7 @@ def _check_plates(
         if not 0 < distance <= board.max_range:
             raise InputError(f"--distance {distance:g}: expected more than 0 and at most {board.max_range:g} m")
     for direction in directions:
-        check_degrees("--direction", direction)
+        options.check_degrees("--direction", direction)
     twice = {log for log in logs if sum(log.resolve() == other.resolve() for other in logs) > 1}
     if twice:
         raise InputError(f"{min(twice)}: is given twice; give each log once")
@@ -352,12 +339,12 @@ def _write_profile(found: "Calibration", out: Path, force: bool) -> str:
 def _print(found: "Calibration", out: Path, as_json: bool) -> None:
     """Print each value, and what stays and why. Raises NoPlate if there is no value."""
     if as_json:
-        print_json(found.figures())
+        options.print_json(found.figures())
     else:
         for line in found.lines():
-            print_line(line)
+            options.print_line(line)
     for doubt in found.doubts:
-        warn(doubt)
+        options.warn(doubt)
     if not found.findings:
         raise NoPlate(
             f"{out}: not written: the logs determine no value of the profile, for the reasons above; "

@@ -8,23 +8,8 @@ import typer
 from sonarhw_compare.picture_file import PICTURES
 from sonarhw_sim.air import ROOM_TOLERANCE, Model
 
+from sonarhw_cli import options
 from sonarhw_cli.inputs import LogFile, notes_beside, open_in_room, open_scan
-from sonarhw_cli.options import (
-    PICTURE_FILE,
-    STDOUT,
-    BoardOfLog,
-    FitOption,
-    Force,
-    ModelChoice,
-    PingsOfMedian,
-    PlaceName,
-    ReceiverChoice,
-    RoomOfLog,
-    RoomTolerance,
-    print_result,
-    warn,
-    write_rows,
-)
 from sonarhw_cli.outputs import checked_out, progress_of_fit, progress_of_share, text_output, write_figure, write_text
 
 if TYPE_CHECKING:
@@ -44,7 +29,7 @@ ComparisonPicture = Annotated[
     typer.Option(
         help="Draw the measured scan over the prediction, and shade ranges by their probability if the profile has "
         "a spread. With --find-missing, draw found walls and posts dashed.",
-        metavar=PICTURE_FILE,
+        metavar=options.PICTURE_FILE,
     ),
 ]
 FindMissing = Annotated[
@@ -75,24 +60,24 @@ DifferenceFile = Annotated[
 
 def compare(
     log_file: LogFile,
-    room_name: RoomOfLog = None,
-    place: PlaceName = None,
-    board: BoardOfLog = None,
-    receiver: ReceiverChoice = None,
-    model: ModelChoice = Model.RAY_FOLLOWING,
-    fit: FitOption = "",
+    room_name: options.RoomOfLog = None,
+    place: options.PlaceName = None,
+    board: options.BoardOfLog = None,
+    receiver: options.ReceiverChoice = None,
+    model: options.ModelChoice = Model.RAY_FOLLOWING,
+    fit: options.FitOption = "",
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
     explained: Explained = False,
     plot: ComparisonPicture = None,
-    pings: PingsOfMedian = None,
-    room_tolerance: RoomTolerance = None,
+    pings: options.PingsOfMedian = None,
+    room_tolerance: options.RoomTolerance = None,
     missing: FindMissing = False,
     out: ChangedRoom = None,
     other: OtherLog = None,
     sweep: Sweep = None,
     other_sweep: OtherSweep = None,
     csv: DifferenceFile = None,
-    force: Force = False,
+    force: options.Force = False,
 ) -> None:
     """Compare a log with its prediction. The class and path of every reading are printed, with its note from the
     notes file beside the log if it has one, then a summary.
@@ -108,17 +93,19 @@ def compare(
     if plot is not None:
         checked_out(plot, PICTURES, force, log_file, room_name, board, option="--plot")
     tolerance = ROOM_TOLERANCE if room_tolerance is None else room_tolerance
-    options = {"model": model, "receiver": receiver, "pings": pings or 1, "room_tolerance": tolerance}
-    comparison = compare_log(log_file, room_name, place, board, fit, **options)
+    settings = {"model": model, "receiver": receiver, "pings": pings or 1, "room_tolerance": tolerance}
+    comparison = compare_log(log_file, room_name, place, board, fit, **settings)
     changed = _changed_room(comparison, as_json, out, force) if missing else None
     if plot is not None:
         write_figure(plot, comparison.draw(changed), force)
     if missing:
         return
     notes = notes_beside(log_file, [row.reading for row in comparison.rows]).texts
-    print_result(as_json, lambda: comparison.figures(notes, explained=explained), lambda: comparison.lines(notes))
+    options.print_result(
+        as_json, lambda: comparison.figures(notes, explained=explained), lambda: comparison.lines(notes)
+    )
     for doubt in comparison.doubts:
-        warn(doubt)
+        options.warn(doubt)
 
 
 def compare_log(
@@ -127,7 +114,7 @@ def compare_log(
     place: str | None,
     board: str | None = None,
     fit: str = "",
-    **options: Any,
+    **settings: Any,
 ) -> "ScanComparison":
     """Compare a log with its prediction. Raises InputError.
 
@@ -137,7 +124,7 @@ def compare_log(
     from sonarhw_compare import one_call
 
     with progress_of_fit(fit) as tick:
-        return one_call.compare(scan, room, place, chosen, fit=fit, progress=tick, warn=warn, **options)
+        return one_call.compare(scan, room, place, chosen, fit=fit, progress=tick, warn=options.warn, **settings)
 
 
 def _changed_room(comparison: "ScanComparison", as_json: bool, out: Path | None, force: bool) -> "Room":
@@ -148,9 +135,9 @@ def _changed_room(comparison: "ScanComparison", as_json: bool, out: Path | None,
         found = find_missing(comparison, lambda share: show(share, "searching"))
     if out is not None and found.causes:
         write_text(out, found.room.text, force)
-    print_result(as_json, lambda: asdict(comparison.summary()) | found.figures(), found.lines)
+    options.print_result(as_json, lambda: asdict(comparison.summary()) | found.figures(), found.lines)
     if out is not None and not found.causes:
-        warn(f"{out}: not written, because the room is unchanged")
+        options.warn(f"{out}: not written, because the room is unchanged")
     return found.room
 
 
@@ -167,33 +154,33 @@ def _compare_two(
     if plot is not None:
         checked_out(plot, PICTURES, force, first_file, second_file, option="--plot")
     if csv is not None:
-        checked_out(csv, (".csv", STDOUT), force, first_file, second_file, option="--csv")
+        checked_out(csv, (".csv", options.STDOUT), force, first_file, second_file, option="--csv")
     first = open_scan(first_file)
     second = first if second_file == first_file else open_scan(second_file)
     from sonarhw_compare.one_call import compare_scans
     from sonarhw_compare.two_scans import CSV_HEADER
 
-    difference = compare_scans(first, second, sweeps=sweeps, warn=warn)
+    difference = compare_scans(first, second, sweeps=sweeps, warn=options.warn)
     if plot is not None:
         from sonarhw_compare.drawings import draw_difference
 
         write_figure(plot, draw_difference(difference), force)
     if csv is not None:
         with text_output(csv, force) as file:
-            write_rows(file, CSV_HEADER, (row.cells for row in difference.rows))
-    if as_json or csv != STDOUT:
-        print_result(as_json, difference.figures, difference.lines)
+            options.write_rows(file, CSV_HEADER, (row.cells for row in difference.rows))
+    if as_json or csv != options.STDOUT:
+        options.print_result(as_json, difference.figures, difference.lines)
 
 
 def report(
     log_file: LogFile,
     out: Annotated[Path, typer.Option("--out", help="File to write.", metavar="FILE.html")],
-    room_name: RoomOfLog = None,
-    place: PlaceName = None,
-    board: BoardOfLog = None,
-    receiver: ReceiverChoice = None,
-    fit: FitOption = "",
-    force: Force = False,
+    room_name: options.RoomOfLog = None,
+    place: options.PlaceName = None,
+    board: options.BoardOfLog = None,
+    receiver: options.ReceiverChoice = None,
+    fit: options.FitOption = "",
+    force: options.Force = False,
 ) -> None:
     """Write one HTML file about a scan. It has pictures, a summary, notes, every reading and the settings."""
     checked_out(out, (".html",), force, log_file, room_name, board)
@@ -202,5 +189,5 @@ def report(
     from sonarhw_compare.report import report_html
 
     with progress_of_fit(fit) as tick:
-        made = one_call.report(scan, room, place, chosen, fit=fit, receiver=receiver, progress=tick, warn=warn)
+        made = one_call.report(scan, room, place, chosen, fit=fit, receiver=receiver, progress=tick, warn=options.warn)
     write_text(out, report_html(made), force)

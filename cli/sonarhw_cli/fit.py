@@ -12,6 +12,7 @@ from sonarhw_compare.fit.quantities import QUANTITIES, ROOM_TOLERANCE, BoardQuan
 from sonarhw_compare.picture_file import PICTURES
 
 from sonarhw.errors import InputError, counted
+from sonarhw_cli import options
 from sonarhw_cli.inputs import (
     LogFile,
     LogFiles,
@@ -20,20 +21,6 @@ from sonarhw_cli.inputs import (
     open_room,
     open_scan,
     place_of_pose,
-)
-from sonarhw_cli.options import (
-    PICTURE_FILE,
-    ROOM_NAME,
-    BoardOfLog,
-    Force,
-    ReceiverChoice,
-    RoomOfLog,
-    print_error,
-    print_line,
-    print_note,
-    print_result,
-    warn,
-    with_options,
 )
 from sonarhw_cli.outputs import checked_out, progress, progress_of_share, write_figure, write_text
 
@@ -47,7 +34,9 @@ if TYPE_CHECKING:
 
 RoomOfFirstLog = Annotated[
     str | None,
-    typer.Option("--room", help="Room: name or file; default: the room inside the first log.", metavar=ROOM_NAME),
+    typer.Option(
+        "--room", help="Room: name or file; default: the room inside the first log.", metavar=options.ROOM_NAME
+    ),
 ]
 PlacesOfLogs = Annotated[
     list[str] | None,
@@ -113,8 +102,8 @@ def fit(
     log_files: LogFiles,
     room_name: RoomOfFirstLog = None,
     places: PlacesOfLogs = None,
-    board: BoardOfLog = None,
-    receiver: ReceiverChoice = None,
+    board: options.BoardOfLog = None,
+    receiver: options.ReceiverChoice = None,
     free: FreeQuantities = "position,heading",
     priors: Priors = None,
     room_tolerance: WallTolerance = ROOM_TOLERANCE,
@@ -124,7 +113,7 @@ def fit(
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
     out: FittedRoomFile = None,
     board_out: FittedBoardFile = None,
-    force: Force = False,
+    force: options.Force = False,
 ) -> None:
     """Fit place, board and room to scans (unknown place: `locate`).
 
@@ -158,12 +147,12 @@ def fit(
             room_tolerance=room_tolerance,
             exact=exact,
             progress=show,
-            warn=warn,
+            warn=options.warn,
         )
     _write_fitted(fitted, out, board_out, force)
-    print_result(as_json, fitted.figures, fitted.lines)
+    options.print_result(as_json, fitted.figures, fitted.lines)
     for doubt in fitted.doubts:
-        warn(doubt)
+        options.warn(doubt)
 
 
 def _check_files(out: Path | None, board_out: Path | None, free: str, force: bool, *inputs: str | Path | None) -> None:
@@ -214,16 +203,18 @@ HeadingDeviation = Annotated[
 
 def locate(
     log_file: LogFile,
-    room_name: RoomOfLog = None,
-    board: BoardOfLog = None,
-    receiver: ReceiverChoice = None,
+    room_name: options.RoomOfLog = None,
+    board: options.BoardOfLog = None,
+    receiver: options.ReceiverChoice = None,
     height: Height = None,
     heading: KnownHeading = None,
     heading_sd: HeadingDeviation = 5.0,
     near: NearPlace = 0.1,
-    out: Annotated[Path | None, typer.Option(help="Draw the posterior in the plan.", metavar=PICTURE_FILE)] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Draw the posterior in the plan.", metavar=options.PICTURE_FILE)
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the poses as JSON.")] = False,
-    force: Force = False,
+    force: options.Force = False,
 ) -> None:
     """Find the pose of a scan in a known room (unknown room: `map`).
 
@@ -250,17 +241,17 @@ def locate(
         from sonarhw_compare.drawings import draw_located
 
         write_figure(out, draw_located(located), force)
-    print_result(as_json, lambda: located.figures(near), lambda: located.lines(near))
+    options.print_result(as_json, lambda: located.figures(near), lambda: located.lines(near))
     for doubt in located.doubts:
-        warn(with_options(doubt))
+        options.warn(options.with_options(doubt))
     if not located.fits_room:
         return
     (x, y), heading = located.poses[0].position, located.poses[0].heading
     place = f"{x:.4f},{y:.4f},{math.degrees(heading):.3f}"
     given = {"--room": room_name, "--board": board, "--place": place}
-    options = " ".join(f"{option} {shlex.quote(str(value))}" for option, value in given.items() if value is not None)
+    written = " ".join(f"{option} {shlex.quote(str(value))}" for option, value in given.items() if value is not None)
     for command in ("compare", "gui"):
-        print_note(f"next: sonarhw {command} {shlex.quote(str(log_file))} {options}")
+        options.print_note(f"next: sonarhw {command} {shlex.quote(str(log_file))} {written}")
 
 
 StudyFile = Annotated[
@@ -299,9 +290,9 @@ def study(
         except KeyboardInterrupt:
             unfinished = unfinished_of(folder)
             if unfinished.exists():
-                print_error(f"interrupted; finished parts are in {unfinished}: continue with --resume")
+                options.print_error(f"interrupted; finished parts are in {unfinished}: continue with --resume")
             raise
-    print_line(f"{counted(plan.scans, 'scan')} in {folder}")
+    options.print_line(f"{counted(plan.scans, 'scan')} in {folder}")
 
 
 PlacesOfMap = Annotated[
@@ -314,7 +305,7 @@ PosesOfLogs = Annotated[
 ]
 RoomToFollow = Annotated[
     str | None,
-    typer.Option("--room", help="Follow sound in this room; default: the walls found.", metavar=ROOM_NAME),
+    typer.Option("--room", help="Follow sound in this room; default: the walls found.", metavar=options.ROOM_NAME),
 ]
 PosesFile = Annotated[
     Path | None,
@@ -330,7 +321,7 @@ MapFiles = Annotated[
     typer.Option(
         help="Picture of the maps. ROOM.toml, or a report .html with the maps beside the room: find the room. "
         "Once for each file.",
-        metavar=f"ROOM.toml|FILE.html|{PICTURE_FILE}",
+        metavar=f"ROOM.toml|FILE.html|{options.PICTURE_FILE}",
     ),
 ]
 PlanNext = Annotated[bool, typer.Option("--next", help="Find the room, and where to scan next to learn most about it.")]
@@ -341,13 +332,13 @@ def map_logs(
     places: PlacesOfMap = None,
     poses: PosesOfLogs = None,
     room_name: RoomToFollow = None,
-    board: BoardOfLog = None,
+    board: options.BoardOfLog = None,
     offset: Annotated[float, typer.Option(help="Added to every measured range, metres.", min=-1, max=1)] = 0.0,
     poses_file: PosesFile = None,
     out: MapFiles = None,
     plan_next: PlanNext = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print walls, corners and edges as JSON.")] = False,
-    force: Force = False,
+    force: options.Force = False,
 ) -> None:
     """Find the room from scans (known room: `locate`).
 
@@ -378,13 +369,13 @@ def map_logs(
             find=bool(found_for),
             plan_next=plan_next,
             progress=show,
-            warn=warn,
+            warn=options.warn,
         )
-    mapped = replace(mapped, doubts=tuple(map(with_options, mapped.doubts)))
+    mapped = replace(mapped, doubts=tuple(map(options.with_options, mapped.doubts)))
     for doubt in mapped.doubts:
-        warn(doubt)
+        options.warn(doubt)
     _write(files, mapped, force)
-    print_result(as_json, mapped.figures, mapped.lines)
+    options.print_result(as_json, mapped.figures, mapped.lines)
 
 
 @dataclass(frozen=True)

@@ -16,24 +16,8 @@ from sonarhw_compare.import_formats import ImportFormat, formats_text, import_fo
 
 from sonarhw.errors import InputError, counted
 from sonarhw.export import FORMATS, export_format, export_suffixes
+from sonarhw_cli import options
 from sonarhw_cli.inputs import LogFile, chosen_place, load_log, notes_beside, open_log, open_room
-from sonarhw_cli.options import (
-    LOG,
-    STDOUT,
-    AsJson,
-    BoardToStore,
-    CommandList,
-    Force,
-    PlaceName,
-    RoomToStore,
-    Rule,
-    check_degrees,
-    check_rules,
-    print_json,
-    print_line,
-    print_note,
-    warn,
-)
 from sonarhw_cli.outputs import binary_output, checked_out, print_written
 
 if TYPE_CHECKING:
@@ -107,12 +91,14 @@ _OF_CSV = ": only for CSV files; {file} has the format {title}"
 _OF_TRACES = " {value:g}: only for formats with traces; {file} has ranges"
 # what options need of the format of the file, one of `_facts`
 _RULES = (
-    Rule("import", "--heading --range --time --decimal-comma --scale --mean-of", _OF_CSV, "csv"),
-    Rule("import", "--threshold --blanking --speed-of-sound", _OF_TRACES, "traces"),
-    Rule("import", "--no-echo", " {value:g}: only for formats with ranges; {file} has traces", excludes="traces"),
-    Rule("import", "--rate", " {value:g}: only for raw traces; {file} has its own", "raw"),
-    Rule("import", "--step", " {value:g}: only for raw traces and ROS bags; {file} has angles", "steps"),
-    Rule("import", "--topic", " {value}: only for ROS bags", "bag"),
+    options.Rule("import", "--heading --range --time --decimal-comma --scale --mean-of", _OF_CSV, "csv"),
+    options.Rule("import", "--threshold --blanking --speed-of-sound", _OF_TRACES, "traces"),
+    options.Rule(
+        "import", "--no-echo", " {value:g}: only for formats with ranges; {file} has traces", excludes="traces"
+    ),
+    options.Rule("import", "--rate", " {value:g}: only for raw traces; {file} has its own", "raw"),
+    options.Rule("import", "--step", " {value:g}: only for raw traces and ROS bags; {file} has angles", "steps"),
+    options.Rule("import", "--topic", " {value}: only for ROS bags", "bag"),
 )
 
 
@@ -143,10 +129,10 @@ def import_scan(
     step: AngleStep = None,
     topic: Topic = None,
     speed_of_sound: SpeedOfSound = None,
-    room: RoomToStore = None,
-    place: PlaceName = None,
-    board: BoardToStore = None,
-    force: Force = False,
+    room: options.RoomToStore = None,
+    place: options.PlaceName = None,
+    board: options.BoardToStore = None,
+    force: options.Force = False,
 ) -> None:
     """Convert a scan of another program to a log. The suffix of the file selects its format, by default CSV.
 
@@ -156,12 +142,12 @@ def import_scan(
 
     from sonarhw.log.writer import write_scan
 
-    checked_out(out, (LOG,), force, file, room, board)
+    checked_out(out, (options.LOG,), force, file, room, board)
     _check_options(scale, heading_zero)
     metadata = _metadata(room, place, board)
     known = import_format(file, rate)
     columns = _columns(file, heading, distance, time_column, decimal_comma) if known is None else None
-    check_rules(context, _RULES, _facts(known), file=file.name, title=known.title if known else "")
+    options.check_rules(context, _RULES, _facts(known), file=file.name, title=known.title if known else "")
     _check_values(file, known, threshold, blanking, speed_of_sound, rate, step)
     meaning = Meaning(
         scale=scale,
@@ -181,10 +167,10 @@ def import_scan(
         readings = _without_means(file, read_foreign_scan(file, columns, meaning), meaning, mean_of)
     write_scan(out, metadata, readings, overwrite=force)
     echoes = sum(reading.range is not None for reading in readings)
-    print_note(f"{counted(len(readings), 'reading')}, {echoes} with an echo, in {out}")
+    options.print_note(f"{counted(len(readings), 'reading')}, {echoes} with an echo, in {out}")
     _warn_of_far_ranges(readings, scale)
     if columns is not None and no_echo is None and (likely := likely_no_echo(file, columns)):
-        warn(f"{likely[1]} ranges are {likely[0]:g}; if this means no echo, add --no-echo {likely[0]:g}")
+        options.warn(f"{likely[1]} ranges are {likely[0]:g}; if this means no echo, add --no-echo {likely[0]:g}")
 
 
 def _columns(
@@ -213,7 +199,7 @@ def _without_means(file: Path, readings: "list[Reading]", meaning: "Meaning", me
     if mean_of is None:
         if pings := likely_pings([ranges], unit):
             count = int(are_means(ranges, unit, pings).sum())
-            warn(
+            options.warn(
                 f"{count} ranges are likely means of {pings} pings with different ranges, so nothing is there; "
                 f"to leave them out, add --mean-of {pings}"
             )
@@ -221,7 +207,7 @@ def _without_means(file: Path, readings: "list[Reading]", meaning: "Meaning", me
     if not 2 <= mean_of <= MOST_PINGS:
         raise InputError(f"--mean-of {mean_of}: expected 2 to {MOST_PINGS} pings")
     kept = list(compress(readings, ~are_means(ranges, unit, mean_of)))
-    print_note(f"{file}: {counted(len(readings) - len(kept), 'mean')} of different ranges left out")
+    options.print_note(f"{file}: {counted(len(readings) - len(kept), 'mean')} of different ranges left out")
     return [replace(reading, number=number) for number, reading in enumerate(kept)]
 
 
@@ -255,7 +241,7 @@ def _read(file: Path, known: ImportFormat | None, meaning: "Meaning") -> "list[R
         warnings.simplefilter("always")
         readings = known.read(file, meaning)
     for doubt in doubts:
-        warn(str(doubt.message))
+        options.warn(str(doubt.message))
     return readings
 
 
@@ -280,7 +266,7 @@ def _metadata(room_name: str | None, place: str | None, board: str | None) -> "L
 def _warn_of_far_ranges(readings: "list[Reading]", scale: float) -> None:
     ranges = [reading.range for reading in readings if reading.range is not None]
     if ranges and (middle := median(ranges)) > _FAR:
-        warn(
+        options.warn(
             f"half of the ranges are over {middle:.4g} m, beyond the range of such a board; "
             f"if they are centimetres, use --scale {scale / 100:g}"
         )
@@ -289,23 +275,23 @@ def _warn_of_far_ranges(readings: "list[Reading]", scale: float) -> None:
 def _check_options(scale: float, heading_zero: float) -> None:
     if not (math.isfinite(scale) and scale > 0):
         raise InputError(f"--scale {scale:g}: expected a number above 0, such as 0.01 for centimetres")
-    check_degrees("--heading-zero", heading_zero)
+    options.check_degrees("--heading-zero", heading_zero)
 
 
 # `sonarhw log`: describe a log, export its readings, or recover a torn one.
 
 
-app = CommandList(help="Describe, export or recover a log.", no_args_is_help=True)
+app = options.CommandList(help="Describe, export or recover a log.", no_args_is_help=True)
 
 
 @app.command("info")
-def log_info(log: LogFile, as_json: AsJson = False) -> None:
+def log_info(log: LogFile, as_json: options.AsJson = False) -> None:
     """Describe a log: its origin, its device and its scans."""
     if as_json:
-        print_json(_figures(log, open_log(log)))
+        options.print_json(_figures(log, open_log(log)))
         return
     for name, text in _described(open_log(log)):
-        print_line(f"{name:<9} {text}")
+        options.print_line(f"{name:<9} {text}")
 
 
 _FORMATS = ", ".join(f"{known.suffix} ({known.title})" for known in FORMATS)
@@ -313,8 +299,8 @@ _FORMATS = ", ".join(f"{known.suffix} ({known.title})" for known in FORMATS)
 
 @app.command(
     "export",
-    help=f"Write a log to a file. Formats: {_FORMATS}, {LOG} (Copy of the log). In CSV, heading_deg is the turntable "
-    "angle.",
+    help=f"Write a log to a file. Formats: {_FORMATS}, {options.LOG} (Copy of the log). "
+    "In CSV, heading_deg is the turntable angle.",
 )
 def log_export(
     log: LogFile,
@@ -322,18 +308,18 @@ def log_export(
         str,
         typer.Option("--out", help=f"File to write; - writes {FORMATS[0].suffix} to standard output.", metavar="FILE"),
     ],
-    force: Force = False,
+    force: options.Force = False,
 ) -> None:
     """Write a log to a file in the format of its suffix, with the notes beside it."""
-    kind = checked_out(out, (*export_suffixes(), LOG, STDOUT), force, log)
+    kind = checked_out(out, (*export_suffixes(), options.LOG, options.STDOUT), force, log)
     recorded = open_log(log)
-    if kind == LOG:
+    if kind == options.LOG:
         from sonarhw.log import copy_log
 
         copy_log(recorded, Path(out), overwrite=force)
         print_written(Path(out))
         return
-    chosen = FORMATS[0] if kind == STDOUT else export_format(kind)
+    chosen = FORMATS[0] if kind == options.STDOUT else export_format(kind)
     notes = notes_beside(log, recorded.readings)
     with binary_output(out, force) as file:
         chosen.write(recorded, file, notes.texts)
@@ -343,19 +329,19 @@ def log_export(
 def log_recover(
     log: LogFile,
     out: Annotated[Path, typer.Option("--out", help="Log to write (*.mcap).")],
-    force: Force = False,
+    force: options.Force = False,
 ) -> None:
     """Repair a torn log. Everything readable is written to a new log. The number of missing readings is printed."""
     from sonarhw.log import copy_log
 
-    checked_out(out, (LOG,), force, log)
+    checked_out(out, (options.LOG,), force, log)
     recorded = load_log(log)
     copy_log(recorded, out, overwrite=force)
     kept = f"{out}: {counted(len(recorded.readings), 'reading')} in {counted(len(recorded.scans), 'scan')}"
     lost = f"nothing was lost, {log} was whole"
     if recorded.torn:
         lost = f"{_lost(recorded)}; {log} was {recorded.condition}: {recorded.torn}"
-    print_line(f"{kept}; {lost}")
+    options.print_line(f"{kept}; {lost}")
 
 
 def _lost(log: "Log") -> str:

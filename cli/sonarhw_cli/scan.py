@@ -13,41 +13,8 @@ import typer
 
 from sonarhw.errors import InputError, counted, counted_are
 from sonarhw.export import HEADER, row
-from sonarhw_cli.inputs import (
-    RECONNECT,
-    Reconnect,
-    ScannerUrl,
-    board_of,
-    chosen_place,
-    connect,
-    connect_turntable,
-    open_room,
-)
+from sonarhw_cli import inputs, options
 from sonarhw_cli.interruption import Interruption, interruption
-from sonarhw_cli.options import (
-    LOG,
-    BoardOfScanner,
-    Force,
-    FromAngle,
-    MaxRange,
-    PingsPerHeading,
-    PlaceName,
-    RoomToStore,
-    StepAngle,
-    Temperature,
-    TemperatureInRoom,
-    ToAngle,
-    ZeroHere,
-    check_scan_values,
-    order_in_degrees,
-    print_detail,
-    print_error,
-    print_line,
-    print_note,
-    refuse_given,
-    warn,
-    warn_of_radians,
-)
 from sonarhw_cli.outputs import checked_out, progress, standard_output
 
 if TYPE_CHECKING:
@@ -92,7 +59,7 @@ class ScanRequest:
 def refuse_orders(context: typer.Context) -> None:
     """Raise InputError for an option that a device cannot obey which turns and measures by itself."""
     reason = "this device turns and measures by itself; remove the option, and end the scan with --sweeps N"
-    refuse_given(context, _ORDERS, reason)
+    options.refuse_given(context, _ORDERS, reason)
 
 
 def check_request(request: ScanRequest) -> None:
@@ -100,7 +67,7 @@ def check_request(request: ScanRequest) -> None:
     _check_order(request.order)
     if request.show:
         standard_output()
-    check_scan_values(request.board, request.max_range, request.temperature)
+    options.check_scan_values(request.board, request.max_range, request.temperature)
 
 
 def _check_order(order: "ScanOrder") -> None:
@@ -121,14 +88,14 @@ def room_and_place(room_name: str | None, place: str | None, out: Path | None) -
     """Return the room and the place of --room and --place; None without a room. Raises InputError."""
     if room_name is None:
         return None
-    room = open_room(room_name)
+    room = inputs.open_room(room_name)
     if place is None and len(room.places) != 1:
         raise InputError(
             f"--room {room_name}: give --place NAME or --place X,Y in metres; its places: "
             f"{', '.join(room.places) or 'none'}; from an unknown place, scan without --room, "
             f"then run `sonarhw locate {out or 'LOG.mcap'} --room {room_name}`"
         )
-    return room, chosen_place(room, place)
+    return room, inputs.chosen_place(room, place)
 
 
 def log_metadata(room_name: str | None, where: "tuple[Room, Place] | None") -> "LogMetadata":
@@ -153,12 +120,12 @@ def scan_plan(scanner: "Scanner", request: ScanRequest, board: "Board", room_air
 
     air = room_air or Air()
     if request.max_range is not None and request.max_range > board.max_range:
-        warn(
+        options.warn(
             f"--max-range {request.max_range:g}: board {board.name!r} detects echoes to {board.max_range:g} m; "
             f"each ping now takes at least {2 * request.max_range / air.speed_of_sound:.2g} s"
         )
     if request.traces and not scanner.info.trace_rate:
-        warn(f"{scanner.url}: the scanner sends no traces; only echo times are recorded")
+        options.warn(f"{scanner.url}: the scanner sends no traces; only echo times are recorded")
     plan = ScanPlan(
         request.order,
         reach=board.max_range if request.max_range is None else request.max_range,
@@ -167,7 +134,9 @@ def scan_plan(scanner: "Scanner", request: ScanRequest, board: "Board", room_air
         traces=request.traces,
         zero_here=request.zero_here,
     )
-    print_detail(f"board {board.name!r}; speed of sound {plan.air.speed_of_sound(scanner.info.temperature_c):.2f} m/s")
+    options.print_detail(
+        f"board {board.name!r}; speed of sound {plan.air.speed_of_sound(scanner.info.temperature_c):.2f} m/s"
+    )
     return plan
 
 
@@ -183,36 +152,36 @@ PrintReadings = Annotated[
 
 def scan(
     context: typer.Context,
-    url: ScannerUrl,
+    url: inputs.ScannerUrl,
     out: Annotated[Path, typer.Option(help="Log to write.", metavar="LOG.mcap")],
-    room: RoomToStore = None,
-    place: PlaceName = None,
-    board: BoardOfScanner = None,
-    start: FromAngle = 0.0,
-    stop: ToAngle = 360.0,
-    step: StepAngle = 5.0,
+    room: options.RoomToStore = None,
+    place: options.PlaceName = None,
+    board: options.BoardOfScanner = None,
+    start: options.FromAngle = 0.0,
+    stop: options.ToAngle = 360.0,
+    step: options.StepAngle = 5.0,
     sweeps: Sweeps = 1,
-    pings: PingsPerHeading = 1,
-    max_range: MaxRange = None,
-    temperature: TemperatureInRoom = None,
+    pings: options.PingsPerHeading = 1,
+    max_range: options.MaxRange = None,
+    temperature: options.TemperatureInRoom = None,
     traces: Annotated[bool, typer.Option("--traces", help="Record the receive signal of every ping.")] = False,
     show: PrintReadings = False,
-    zero_here: ZeroHere = False,
-    reconnect: Reconnect = RECONNECT,
-    force: Force = False,
+    zero_here: options.ZeroHere = False,
+    reconnect: inputs.Reconnect = inputs.RECONNECT,
+    force: options.Force = False,
 ) -> None:
     """Scan and record a log. With --print, each reading is also written to standard output as it arrives."""
     from sonarhw.plugins.device_plugin import takes_orders
 
     if not takes_orders(url):
         refuse_orders(context)
-    order = order_in_degrees(start, stop, step, sweeps, pings)
-    warn_of_radians(start, stop)
+    order = options.order_in_degrees(start, stop, step, sweeps, pings)
+    options.warn_of_radians(start, stop)
     request = ScanRequest(order, board, max_range, temperature, traces, show, zero_here, not takes_orders(url))
-    checked_out(out, (LOG,), force, url, room, board)
+    checked_out(out, (options.LOG,), force, url, room, board)
     check_request(request)
     where = room_and_place(room, place, out)
-    with connect(url, reconnect) as scanner:
+    with inputs.connect(url, reconnect) as scanner:
         metadata, air = log_metadata(room, where), where[0].air if where else None
         _record(scanner, request, out, force, metadata, air)
 
@@ -228,18 +197,18 @@ def _record(
     from sonarhw.host.scanner import record_scan
     from sonarhw.log import LogWriter
 
-    board = board_of(scanner, request.board)
+    board = inputs.board_of(scanner, request.board)
     metadata = replace(metadata, board=board.name, board_text=board.text)
     plan = scan_plan(scanner, request, board, room_air)
     with ExitStack() as exit_stack:
         terminal = _Terminal(scanner, request, exit_stack)
         exit_stack.enter_context(_interruption_reported(out, terminal))
         terminal.interrupted = exit_stack.enter_context(interruption(scanner.stop))
-        terminal.log = log = LogWriter(out, metadata, overwrite=force, warn=warn)
+        terminal.log = log = LogWriter(out, metadata, overwrite=force, warn=options.warn)
         if request.turns_by_itself:  # the start of a sweep may be far away
             terminal.show_bar()
         record_scan(scanner, plan, log, terminal)
-    print_note(f"{counted(terminal.count, 'reading')}, {terminal.echoes} with an echo, in {out}")
+    options.print_note(f"{counted(terminal.count, 'reading')}, {terminal.echoes} with an echo, in {out}")
     _report_ignored(scanner)
     if not request.turns_by_itself:
         _warn_of_another_count(terminal.count, request)
@@ -295,7 +264,7 @@ class _Terminal:
             self._advance()
 
     def warn(self, message: str) -> None:
-        warn(message)
+        options.warn(message)
 
     def _print(self, line: str) -> None:
         # writing to a pipe may block; an interruption is safe, because the log has no incomplete reading now
@@ -313,7 +282,7 @@ def _interruption_reported(out: Path, terminal: _Terminal) -> Iterator[None]:
         count = terminal.log.count if terminal.log and terminal.count else 0
         kept = f"{counted_are(count, 'reading')} kept in {out}" if count else "nothing was recorded"
         with suppress(OSError):  # the terminal may be closed
-            print_error(f"interrupted; {kept}")
+            options.print_error(f"interrupted; {kept}")
         raise
 
 
@@ -321,22 +290,22 @@ def _warn_of_another_count(count: int, request: ScanRequest) -> None:
     """Warn if the number of readings is not the requested one: a replayed log has its own number of readings."""
     if count != request.order.readings:
         requested = counted(request.order.readings, "reading")
-        warn(f"{requested} requested, {count} received: a replay plays the readings of its log")
+        options.warn(f"{requested} requested, {count} received: a replay plays the readings of its log")
 
 
 def _report_ignored(scanner: "Scanner") -> None:
     """Print what of the received text was no reading."""
     kinds = ", ".join(f"{kind} ({count})" for kind, count in scanner.ignored.items())
     if kinds:
-        print_note(f"ignored: {kinds}")
+        options.print_note(f"ignored: {kinds}")
 
 
 def _warn_of_the_link(scanner: "Scanner") -> None:
     link = scanner.statistics
     if link.reopened or link.resets:  # a short silence alone does not matter
-        warn(f"the connection was lost {counted(link.losses, 'time')} and restored; check the cable")
+        options.warn(f"the connection was lost {counted(link.losses, 'time')} and restored; check the cable")
     elif link.lost_readings:
-        warn(f"the link lost {counted(link.lost_readings, 'reading')}, measured again; check the cable")
+        options.warn(f"the link lost {counted(link.lost_readings, 'reading')}, measured again; check the cable")
 
 
 # `sonarhw ping`: the echoes of a ranging board without a turntable, live in the terminal.
@@ -355,14 +324,14 @@ ShowTraces = Annotated[
 
 
 def ping(
-    url: ScannerUrl,
+    url: inputs.ScannerUrl,
     count: PingCount = None,
     out: Annotated[Path | None, typer.Option(help="Also write a log.", metavar="LOG.mcap")] = None,
-    board: BoardOfScanner = None,
-    max_range: MaxRange = None,
-    temperature: Temperature = None,
+    board: options.BoardOfScanner = None,
+    max_range: options.MaxRange = None,
+    temperature: options.Temperature = None,
     traces: ShowTraces = False,
-    force: Force = False,
+    force: options.Force = False,
 ) -> None:
     """Ping at the present angle (at all angles: `scan`).
 
@@ -370,20 +339,20 @@ def ping(
     alone is enough.
     """
     if out is not None:
-        checked_out(out, (LOG,), force, url, board)
-    check_scan_values(board, max_range, temperature)
-    with connect_turntable(url) as scanner:
-        profile = board_of(scanner, board)
+        checked_out(out, (options.LOG,), force, url, board)
+    options.check_scan_values(board, max_range, temperature)
+    with inputs.connect_turntable(url) as scanner:
+        profile = inputs.board_of(scanner, board)
         plan = _plan(count or MOST_PINGS, profile, max_range, temperature, traces)
         if traces and not scanner.info.trace_rate:
-            warn(f"{url}: the scanner sends no traces; only echo times are shown")
+            options.warn(f"{url}: the scanner sends no traces; only echo times are shown")
         terminal = _PingTerminal(plan.reach)
         try:
             _run(scanner, plan, profile, out, force, terminal)
         finally:
             if terminal.count:
                 kept = "" if out is None else f", in {out}"
-                print_note(f"{counted(terminal.count, 'reading')}, {terminal.echoes} with an echo{kept}")
+                options.print_note(f"{counted(terminal.count, 'reading')}, {terminal.echoes} with an echo{kept}")
 
 
 def _plan(count: int, board: "Board", max_range: float | None, temperature: float | None, traces: bool) -> "ScanPlan":
@@ -405,7 +374,7 @@ def _run(
 
     with interruption(scanner.stop) as terminal.interrupted:
         metadata = LogMetadata(made_by="ping", started=time.time(), board=board.name, board_text=board.text)
-        log = None if out is None else LogWriter(out, metadata, overwrite=force, warn=warn)
+        log = None if out is None else LogWriter(out, metadata, overwrite=force, warn=options.warn)
         record_scan(scanner, plan, log, terminal)
 
 
@@ -434,10 +403,10 @@ class _PingTerminal:
         row = "" if reading.trace is None else f"|{trace_row(reading.trace, reading.speed_of_sound, self._reach)}|  "
         ranges = " ".join(f"{distance:.3f}" for distance in reading.echo_ranges)
         with self.interrupted.at_once():  # writing to a pipe may block
-            print_line(f"{reading.time - self._began:9.3f} s  {row}{ranges + ' m' if ranges else 'no echo'}")
+            options.print_line(f"{reading.time - self._began:9.3f} s  {row}{ranges + ' m' if ranges else 'no echo'}")
 
     def warn(self, message: str) -> None:
-        warn(message)
+        options.warn(message)
 
 
 def trace_row(trace: "Trace", speed_of_sound: float, reach: float) -> str:
@@ -476,24 +445,24 @@ SweepsServed = Annotated[
 
 def serve(
     context: typer.Context,
-    url: ScannerUrl,
+    url: inputs.ScannerUrl,
     foxglove: OnFoxglove = False,
     tcp: FoxgloveAddress = _ADDRESS,
     out: Annotated[Path | None, typer.Option(help="Also write a log; needs --sweeps.", metavar="LOG.mcap")] = None,
-    room: RoomToStore = None,
-    place: PlaceName = None,
-    board: BoardOfScanner = None,
-    start: FromAngle = 0.0,
-    stop: ToAngle = 360.0,
-    step: StepAngle = 5.0,
+    room: options.RoomToStore = None,
+    place: options.PlaceName = None,
+    board: options.BoardOfScanner = None,
+    start: options.FromAngle = 0.0,
+    stop: options.ToAngle = 360.0,
+    step: options.StepAngle = 5.0,
     sweeps: SweepsServed = None,
-    pings: PingsPerHeading = 1,
-    max_range: MaxRange = None,
-    temperature: TemperatureInRoom = None,
+    pings: options.PingsPerHeading = 1,
+    max_range: options.MaxRange = None,
+    temperature: options.TemperatureInRoom = None,
     traces: Annotated[bool, typer.Option("--traces", help="Publish the receive signal of every ping.")] = False,
-    zero_here: ZeroHere = False,
-    reconnect: Reconnect = RECONNECT,
-    force: Force = False,
+    zero_here: options.ZeroHere = False,
+    reconnect: inputs.Reconnect = inputs.RECONNECT,
+    force: options.Force = False,
 ) -> None:
     """Scan until Ctrl-C, for other programs (to record a log: `scan`).
 
@@ -506,18 +475,18 @@ def serve(
     from sonarhw.plugins.device_plugin import takes_orders
 
     if out is not None:
-        checked_out(out, (LOG,), force, url, room, board)
+        checked_out(out, (options.LOG,), force, url, room, board)
     if not takes_orders(url):
         refuse_orders(context)
-    order = order_in_degrees(start, stop, step, sweeps or _sweeps(start, stop, step, pings), pings)
-    warn_of_radians(start, stop)
+    order = options.order_in_degrees(start, stop, step, sweeps or _sweeps(start, stop, step, pings), pings)
+    options.warn_of_radians(start, stop)
     request = ScanRequest(order, board, max_range, temperature, traces, False, zero_here, not takes_orders(url))
     check_request(request)
     where = room_and_place(room, place, out)
     with FoxgloveServer(tcp) as server:
-        print_line(server.url)
-        with connect(url, reconnect) as scanner:
-            profile = board_of(scanner, board)
+        options.print_line(server.url)
+        with inputs.connect(url, reconnect) as scanner:
+            profile = inputs.board_of(scanner, board)
             plan = scan_plan(scanner, request, profile, where[0].air if where else None)
             # a replay and a device that turns by itself have another number of readings than the order
             known = order if scanner.info.capabilities else None
@@ -528,14 +497,14 @@ def serve(
             finally:
                 publisher.end()
                 kept = f", in {out}" if out and publisher.count else ""
-                print_note(f"{counted(publisher.count, 'reading')} published{kept}")
+                options.print_note(f"{counted(publisher.count, 'reading')} published{kept}")
 
 
 def _sweeps(start: float, stop: float, step: float, pings: int) -> int:
     """Return the largest number of sweeps."""
     from sonarhw.wire.limits import MOST_READINGS
 
-    return max(1, min(_MOST_SWEEPS, MOST_READINGS // order_in_degrees(start, stop, step, 1, pings).readings))
+    return max(1, min(_MOST_SWEEPS, MOST_READINGS // options.order_in_degrees(start, stop, step, 1, pings).readings))
 
 
 def _scan(
@@ -550,7 +519,7 @@ def _scan(
     from sonarhw.log import LogWriter
 
     with interruption(scanner.stop) as publisher.interrupted:
-        log = None if out is None else LogWriter(out, metadata, overwrite=force, warn=warn)
+        log = None if out is None else LogWriter(out, metadata, overwrite=force, warn=options.warn)
         record_scan(scanner, plan, log, publisher)
 
 
@@ -600,7 +569,7 @@ class _Publisher:
             self._publish(sweep)
 
     def warn(self, message: str) -> None:
-        warn(message)
+        options.warn(message)
 
     def end(self) -> None:
         """Publish the last sweep, which may be incomplete."""

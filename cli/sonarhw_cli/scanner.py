@@ -14,32 +14,8 @@ from sonarhw_sim.air import DEFAULT_BOARD
 
 from sonarhw.controllers import Combination, Controller, Ranging, Turning
 from sonarhw.errors import CommandRefused, ExitStatus, InputError, SonarError, counted
-from sonarhw_cli.inputs import (
-    LogFile,
-    ScannerUrl,
-    chosen_place,
-    connect,
-    connect_turntable,
-    open_log,
-    open_room,
-    resolve,
-)
+from sonarhw_cli import inputs, options
 from sonarhw_cli.interruption import sigterm_exits
-from sonarhw_cli.options import (
-    PLACE,
-    ROOM,
-    AsJson,
-    BoardName,
-    PlaceName,
-    PtyLink,
-    RoomName,
-    TcpAddress,
-    ZeroHere,
-    check_degrees,
-    print_json,
-    print_line,
-    print_note,
-)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -58,11 +34,11 @@ _MOST_JOG = 10.0  # degrees
 _SHOWN = 24  # bytes of a rejected block
 
 
-def home(url: ScannerUrl) -> None:
+def home(url: inputs.ScannerUrl) -> None:
     """Find the zero of the turntable."""
-    with connect_turntable(url) as scanner:
+    with inputs.connect_turntable(url) as scanner:
         outcome = scanner.home()
-    print_note(f"{url}: {_ended(outcome, 'the turntable is at its zero')}")
+    options.print_note(f"{url}: {_ended(outcome, 'the turntable is at its zero')}")
 
 
 Jog = Annotated[
@@ -71,26 +47,26 @@ Jog = Annotated[
 
 
 def turn(
-    url: ScannerUrl,
+    url: inputs.ScannerUrl,
     degrees: Annotated[float, typer.Argument(help="Turntable angle, degrees, counter-clockwise.", metavar="DEG")],
-    zero_here: ZeroHere = False,
+    zero_here: options.ZeroHere = False,
     jog: Jog = False,
 ) -> None:
     """Turn to an angle. If the zero of the turntable is unknown, it is found first."""
-    check_degrees("--jog" if jog else "DEG", degrees, _MOST_JOG if jog else None)
-    with connect_turntable(url) as scanner:
+    options.check_degrees("--jog" if jog else "DEG", degrees, _MOST_JOG if jog else None)
+    with inputs.connect_turntable(url) as scanner:
         if zero_here:
             scanner.home(here=True)
         done = f"turned {'by' if jog else 'to'} {degrees:.1f}°"
         outcome = scanner.jog(math.radians(degrees)) if jog else scanner.turn(math.radians(degrees))
-    print_note(f"{url}: {_ended(outcome, done)}")
+    options.print_note(f"{url}: {_ended(outcome, done)}")
 
 
-def stop(url: ScannerUrl) -> None:
+def stop(url: inputs.ScannerUrl) -> None:
     """Stop turning and pinging."""
-    with connect_turntable(url) as scanner:
+    with inputs.connect_turntable(url) as scanner:
         scanner.stop()
-    print_note(f"{url}: stopped")
+    options.print_note(f"{url}: stopped")
 
 
 def _ended(outcome: "Outcome", done: str) -> str:
@@ -98,7 +74,7 @@ def _ended(outcome: "Outcome", done: str) -> str:
     return "stopped before it had finished" if outcome else done
 
 
-def monitor(url: ScannerUrl) -> None:
+def monitor(url: inputs.ScannerUrl) -> None:
     """Print frames as they arrive, until Ctrl-C (to measure: `ping`).
 
     Rejected bytes are printed too, and the numbers of both follow at the end. The scanner is stopped first. Of a device
@@ -109,12 +85,12 @@ def monitor(url: ScannerUrl) -> None:
 
     if is_plugin(url):
         _monitor_plugin(make_plugin(url))
-    with resolve(url) as find, Link(find()) as link:
+    with inputs.resolve(url) as find, Link(find()) as link:
         arrived = _Arrived()
         try:
             _show(link, arrived)
         finally:
-            print_note(f"{url}: {arrived}")
+            options.print_note(f"{url}: {arrived}")
 
 
 def _monitor_plugin(plugin: "CheckedPlugin") -> NoReturn:
@@ -126,15 +102,15 @@ def _monitor_plugin(plugin: "CheckedPlugin") -> NoReturn:
             received, measurements = plugin.read()
             now = f"{time.monotonic() - began:10.3f}"
             if received:
-                print_line(f"{now}  {received!r}")
-            for one in measurements:
-                ranges = " ".join(f"{distance:.3f} m" for distance in one.ranges) or "no echo"
-                print_line(f"{now}  {math.degrees(one.angle):.1f}°  {ranges}")
+                options.print_line(f"{now}  {received!r}")
+            for measurement in measurements:
+                ranges = " ".join(f"{distance:.3f} m" for distance in measurement.ranges) or "no echo"
+                options.print_line(f"{now}  {math.degrees(measurement.angle):.1f}°  {ranges}")
             readings += len(measurements)
     finally:
         plugin.close()
         ignored = "".join(f", {kind} ({count})" for kind, count in plugin.ignored.items() if count)
-        print_note(f"{plugin.url}: {counted(readings, 'reading')}{ignored}")
+        options.print_note(f"{plugin.url}: {counted(readings, 'reading')}{ignored}")
 
 
 @dataclass
@@ -179,7 +155,7 @@ def _show(link: "Link", arrived: _Arrived) -> NoReturn:
             else:
                 arrived.rejected += 1
                 shown = _rejected(item)
-            print_line(f"{arrived.seconds:10.3f}  {shown}")
+            options.print_line(f"{arrived.seconds:10.3f}  {shown}")
 
 
 def _described(frame: "Frame") -> str:
@@ -208,27 +184,27 @@ Watch = Annotated[bool, typer.Option("--watch", help="Also print the link statis
 
 
 def info(
-    url: ScannerUrl,
+    url: inputs.ScannerUrl,
     watch: Watch = False,
-    as_json: AsJson = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Print identity and link quality of a scanner (to test it: `doctor`). Its capabilities are printed too."""
-    with connect(url) as scanner:
+    with inputs.connect(url) as scanner:
         device = _exercise_link(scanner)
         if as_json:
-            print_json(_figures(scanner, device))
+            options.print_json(_figures(scanner, device))
             return
         facts = [*_identity(scanner.info), *_capabilities(scanner.info), *_link(scanner, device)]
         if not _protocol(scanner.info):
             ignored = ", ".join(f"{kind} ({count})" for kind, count in scanner.ignored.items())
             facts.append(("ignored", ignored or "nothing"))
         for name, value in facts:
-            print_line(f"{name:<14}{value}")
+            options.print_line(f"{name:<14}{value}")
         while watch:
             time.sleep(1.0)
             device = _device_statistics(scanner)
             clock = f"; clock drift {scanner.clock_drift * 1e6:+.0f} ppm"
-            print_line(f"{scanner.state:<14}{_host_counts(scanner.statistics)}{_device_counts(device)}{clock}")
+            options.print_line(f"{scanner.state:<14}{_host_counts(scanner.statistics)}{_device_counts(device)}{clock}")
 
 
 def _exercise_link(scanner: "Scanner") -> "Statistics | None":
@@ -359,7 +335,7 @@ def ports(
     port: Annotated[list[str] | None, typer.Argument(help="Only these ports; default: all.", metavar="PORT")] = None,
     ask: AskAll = False,
     guess: Guess = False,
-    as_json: AsJson = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """List serial ports and check them for a scanner. The check may reset the device at a port."""
     from sonarhw.link import Port, serial_ports
@@ -367,16 +343,16 @@ def ports(
     known = {found.device: found for found in serial_ports()}
     chosen = [known.get(name, Port(name, "")) for name in port] if port else [*known.values()]
     if not chosen:
-        print_note("no serial ports")
+        options.print_note("no serial ports")
     listed = []
     for one in chosen:
         wanted = bool(ask or port or one.known)
         listed.append(_described_port(one) | (_guessed(one, wanted) if guess else _probed(one, wanted)))
         if not as_json:
             answer = listed[-1]["answer"] or f"not checked; {'name the port' if guess else '--ask checks all'}"
-            print_line("  ".join(filter(None, (one.device, one.known or one.description, answer))))
+            options.print_line("  ".join(filter(None, (one.device, one.known or one.description, answer))))
     if as_json:
-        print_json({"ports": listed})
+        options.print_json({"ports": listed})
 
 
 def _described_port(port: "Port") -> dict[str, Any]:
@@ -425,7 +401,7 @@ BuiltCombination = Annotated[
 
 
 def board(
-    pty: PtyLink = None,
+    pty: options.PtyLink = None,
     pace: Annotated[str, typer.Option(help="Real time, or N times faster.", metavar="real|N")] = "real",
     seed: Annotated[int, typer.Option(help="Seed of all random values in the room.", min=0)] = 0,
     combination: BuiltCombination = "mega-polaroid-step-dir",
@@ -438,14 +414,14 @@ def board(
     from sonarhw.device.emulated_board import emulated_board
     from sonarhw.device.served import read_pace
 
-    room = load_room(ROOM)
+    room = load_room(options.ROOM)
     echoes = RoomEchoes(
-        room, room.place(PLACE), load_board("hc-sr04" if "-hc-sr04-" in combination else DEFAULT_BOARD), seed
+        room, room.place(options.PLACE), load_board("hc-sr04" if "-hc-sr04-" in combination else DEFAULT_BOARD), seed
     )
     # now, before a client can connect: the emulated board stops while it waits for the echoes of a ping
     echoes.prepare()
     with sigterm_exits(), emulated_board(echoes, pty, read_pace(pace), combination=combination) as running:
-        print_line(running.url)
+        options.print_line(running.url)
         running.wait()
 
 
@@ -460,11 +436,11 @@ Faults = Annotated[
 
 
 def fake(
-    room_name: RoomName,
-    place: PlaceName = None,
-    board: BoardName = DEFAULT_BOARD,
-    pty: PtyLink = None,
-    tcp: TcpAddress = None,
+    room_name: options.RoomName,
+    place: options.PlaceName = None,
+    board: options.BoardName = DEFAULT_BOARD,
+    pty: options.PtyLink = None,
+    tcp: options.TcpAddress = None,
     seed: Annotated[int, typer.Option(help="Seed of all random values.", min=0)] = 0,
     pace: Pace = "real",
     faults: Faults = "",
@@ -485,14 +461,14 @@ def fake(
 
     if tcp is not None:
         host_and_port(tcp)
-    profile, room = load_board(board), open_room(room_name)
-    here = chosen_place(room, place)
+    profile, room = load_board(board), inputs.open_room(room_name)
+    here = inputs.chosen_place(room, place)
     chosen_pace, schedule = read_pace(pace), read_faults(faults)
     with sigterm_exits(), open_server_port(pty, tcp) as port:
-        print_line(port.url)
+        options.print_line(port.url)
         # clients can connect from now on, during the slow preparation
         device, echoes = fake_device(room, here, profile, seed, schedule)
-        endpoint = Endpoint(device, port, chosen_pace, moved=print_line)
+        endpoint = Endpoint(device, port, chosen_pace, moved=options.print_line)
         with _prepared_meanwhile(echoes.prepare, endpoint.stop):
             endpoint.run()
 
@@ -525,11 +501,11 @@ Speed = Annotated[
 
 
 def replay(
-    log: LogFile,
+    log: inputs.LogFile,
     speed: Speed = 1.0,
     loop: Annotated[bool, typer.Option("--loop", help="Repeat the log until the requested scan is complete.")] = False,
-    pty: PtyLink = None,
-    tcp: TcpAddress = None,
+    pty: options.PtyLink = None,
+    tcp: options.TcpAddress = None,
 ) -> None:
     """Serve a log as a live scanner (to look at a log: `gui`).
 
@@ -541,7 +517,7 @@ def replay(
 
     if not speed > 0:
         raise InputError(f"--speed {speed:g}: expected a factor above 0, such as 2, or inf")
-    recorded = open_log(log)
+    recorded = inputs.open_log(log)
     if not recorded.readings:
         raise InputError(f"{log}: contains no readings; nothing to replay")
     # for inf the endpoint does not wait, and the readings keep their recorded times
@@ -549,7 +525,7 @@ def replay(
     device = ReplayDevice(recorded, 1.0 if at_once else speed, loop)
     with sigterm_exits(), open_server_port(pty, tcp) as port:
         endpoint = Endpoint(device, port, "max" if at_once else "real")
-        print_line(port.url)
+        options.print_line(port.url)
         endpoint.run()
 
 
@@ -569,7 +545,7 @@ PlateDistance = Annotated[float | None, typer.Option(help="Distance of this plat
 
 
 def doctor(
-    url: ScannerUrl,
+    url: inputs.ScannerUrl,
     turn: WithTurning = True,
     plate: PlateAngle = None,
     distance: PlateDistance = None,
@@ -584,7 +560,7 @@ def doctor(
     wanted = _plate(plate, distance)
     made: list[Diagnosis] = []
     try:
-        with connect_turntable(url) as scanner:
+        with inputs.connect_turntable(url) as scanner:
             for diagnosis in examine(scanner, turn, wanted):
                 made.append(diagnosis)
                 _print(diagnosis)
@@ -596,7 +572,7 @@ def doctor(
         made.append(failed("line", str(error), "check port, cable and supply; `sonarhw ports` lists the ports"))
         _print(made[-1])
     failures = sum(diagnosis.verdict == "FAIL" for diagnosis in made)
-    print_note(f"{url}: {counted(failures, 'check')} failed" if failures else f"{url}: no check failed")
+    options.print_note(f"{url}: {counted(failures, 'check')} failed" if failures else f"{url}: no check failed")
     raise typer.Exit(ExitStatus.FAILED if failures else ExitStatus.DONE)
 
 
@@ -613,9 +589,9 @@ def _plate(heading: float | None, distance: float | None) -> "Plate | None":
 
 
 def _print(diagnosis: "Diagnosis") -> None:
-    print_line(f"{diagnosis.verdict}  {diagnosis.check:<{_WIDTH}}{diagnosis.text}")
+    options.print_line(f"{diagnosis.verdict}  {diagnosis.check:<{_WIDTH}}{diagnosis.text}")
     if diagnosis.advice:
-        print_line(f"{'':{_WIDTH + 6}}→ {diagnosis.advice}")
+        options.print_line(f"{'':{_WIDTH + 6}}→ {diagnosis.advice}")
 
 
 # `sonarhw flash`: write the prebuilt firmware to a board.
@@ -662,10 +638,10 @@ def flash(
         ranging or bringup.ranging_of(profile),
         turning or bringup.turning_of(turntable),
     )
-    print_note(f"{port}: writing the firmware {wanted.image}; this takes about 20 s")
+    options.print_note(f"{port}: writing the firmware {wanted.image}; this takes about 20 s")
     bringup.write_firmware(port, wanted)
     info = bringup.ask_identity(port, wanted)
-    print_line(f"{port}: {info.firmware}, protocol {info.protocol[0]}.{info.protocol[1]}, {info.serial}")
+    options.print_line(f"{port}: {info.firmware}, protocol {info.protocol[0]}.{info.protocol[1]}, {info.serial}")
 
 
 def _recognised(port: str, present: Controller | None, wanted: Controller | None) -> Controller:
@@ -706,7 +682,7 @@ OneSwitch = Annotated[
 
 
 def wiring(
-    url: ScannerUrl,
+    url: inputs.ScannerUrl,
     invert: Inverted = None,
     normal: NotInverted = None,
     one_switch: OneSwitch = None,
@@ -723,16 +699,16 @@ def wiring(
     if one_switch is not None:
         wanted |= Wiring.ONE_SWITCH if one_switch else Wiring(0)
         plain |= Wiring.ONE_SWITCH & ~wanted
-    with connect_turntable(url) as scanner:
+    with inputs.connect_turntable(url) as scanner:
         inverted = scanner.configure_wiring(wanted | plain, wanted)
         levels = scanner.inputs()
     for item in Input:
         level = "unknown" if levels is None else "high" if item in levels else "low"
-        print_line(f"{str(item.name).lower():<10}{level}")
+        options.print_line(f"{str(item.name).lower():<10}{level}")
     names = ", ".join(part.value for part in WiredPart if _wiring([part]) in inverted)
-    print_line(f"{'inverted':<10}{names or 'nothing'}")
+    options.print_line(f"{'inverted':<10}{names or 'nothing'}")
     if Wiring.ONE_SWITCH in inverted:
-        print_line(f"{'homes by':<10}mark")
+        options.print_line(f"{'homes by':<10}mark")
 
 
 def _wiring(parts: "Iterable[WiredPart]") -> "Wiring":

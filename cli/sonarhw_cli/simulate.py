@@ -17,39 +17,8 @@ from sonarhw_sim.air import DEFAULT_BOARD, ROOM_TOLERANCE, EdgeStrength, Model, 
 
 from sonarhw.errors import InputError, counted
 from sonarhw.files import atomic_file
+from sonarhw_cli import options, outputs
 from sonarhw_cli.inputs import chosen_place, open_room
-from sonarhw_cli.options import (
-    LOG,
-    STDOUT,
-    BoardName,
-    EdgeStrengthChoice,
-    Force,
-    ForceFiles,
-    FromDegrees,
-    ModelChoice,
-    PingsOfMedian,
-    PlaceName,
-    ReceiverChoice,
-    RoomName,
-    RoomTolerance,
-    StepDegrees,
-    ToDegrees,
-    order_in_degrees,
-    print_line,
-    warn,
-    warn_of_radians,
-    write_rows,
-)
-from sonarhw_cli.outputs import (
-    checked_out,
-    made_folder,
-    print_written,
-    progress,
-    refuse_existing_in,
-    text_output,
-    write_figure,
-    written_file,
-)
 
 if TYPE_CHECKING:
     import numpy as np
@@ -98,7 +67,7 @@ def trace_settings(kind: TraceForm | None, rate: float | None, suffix: str) -> T
     """Return the traces of --traces and --rate. Raises InputError if they do not fit the file format `suffix`."""
     if kind is None:
         return None
-    if suffix not in (".npz", LOG) or (suffix == LOG and kind is not TraceForm.ENVELOPE):
+    if suffix not in (".npz", options.LOG) or (suffix == options.LOG and kind is not TraceForm.ENVELOPE):
         fitting = ".npz or .mcap" if kind is TraceForm.ENVELOPE else ".npz"
         raise InputError(f"--traces {kind.value}: needs a file of format {fitting}; name one with --out")
     chosen = USUAL_RATES[kind] if rate is None else rate
@@ -110,12 +79,14 @@ def trace_settings(kind: TraceForm | None, rate: float | None, suffix: str) -> T
 def check_trace_size(traces: TraceSettings, suffix: str, listening: float, headings: int) -> None:
     """Raise InputError if traces of `listening` s are too long for a log, or too large together."""
     samples = math.ceil(listening * traces.rate)
-    if suffix == LOG and samples > _MOST_SAMPLES:
+    if suffix == options.LOG and samples > _MOST_SAMPLES:
         most = math.floor(_MOST_SAMPLES / listening)
         raise InputError(
             f"--rate {traces.rate:g}: a trace in a log has at most {_MOST_SAMPLES} samples; give {most} or less"
         )
-    sample, most_bytes = (8, _MOST_BYTES_IN_MEMORY) if suffix == LOG else (_SAMPLE_BYTES[traces.kind], _MOST_BYTES)
+    sample, most_bytes = (
+        (8, _MOST_BYTES_IN_MEMORY) if suffix == options.LOG else (_SAMPLE_BYTES[traces.kind], _MOST_BYTES)
+    )
     needed = headings * samples * sample
     if needed > most_bytes:
         raise InputError(
@@ -169,7 +140,7 @@ def write_predicted_npz(scan: "PredictedScan", traces: TraceSettings | None, out
     named = dict(zip(HEADER.split(","), columns, strict=True))
     if traces is not None:
         named |= {"trace_rate_hz": np.array(traces.rate)}
-    with written_file(out, overwrite=force) as file, zipfile.ZipFile(file, "w") as archive:
+    with outputs.written_file(out, overwrite=force) as file, zipfile.ZipFile(file, "w") as archive:
         for name, column in named.items():
             write_array(archive, name, column.shape, column.dtype, [column])
         if traces is not None:
@@ -206,7 +177,7 @@ def write_predicted_picture(scan: "PredictedScan", out: Path, force: bool) -> No
     from sonarhw_compare.drawings import draw_plan
 
     title = f"{scan.room.name}, place {scan.place.name}, board {scan.board.name}"
-    write_figure(out, draw_plan(scan, title=title), force)
+    outputs.write_figure(out, draw_plan(scan, title=title), force)
 
 
 def write_film_of_sound(scan: "PredictedScan", out: Path, suffix: str, force: bool) -> None:
@@ -215,7 +186,7 @@ def write_film_of_sound(scan: "PredictedScan", out: Path, suffix: str, force: bo
     from sonarhw_compare.film_file import write_film
     from sonarhw_compare.sound import PlayedPing
 
-    with written_file(out, overwrite=force) as file:
+    with outputs.written_file(out, overwrite=force) as file:
         write_film(PlayedPing(scan, 0), FilmTiming(), file, suffix)
 
 
@@ -254,7 +225,7 @@ def write_predicted_log(
         board_text=scan.board.text,
     )
     write_scan(out, metadata, readings, overwrite=force)
-    print_written(out)
+    outputs.print_written(out)
 
 
 def _echo_times(scan: "PredictedScan", index: int) -> tuple[float, ...]:
@@ -327,14 +298,16 @@ def _check_noise(given: PredictionInput, traces: TraceSettings | None) -> None:
 
 def _check_effect(given: PredictionInput) -> None:
     """Raise InputError for options without an effect."""
-    model, options, place, board = given.model, given.options, given.place, given.board
-    if options.sections > 1 and place.height is None:
-        raise InputError(f"--sections {options.sections}: place {place.name!r} has no height; add one to the room file")
-    if not model.follows_sound and options.unit is not Unit.PASS:
-        raise InputError(f"--unit {options.unit}: has no effect with --model {model}; leave it out")
-    if options.grain is not None:
-        _check_grain(options.grain, given.room, model)
-    if options.own_body and not board.own_body:
+    model, prediction, place, board = given.model, given.options, given.place, given.board
+    if prediction.sections > 1 and place.height is None:
+        raise InputError(
+            f"--sections {prediction.sections}: place {place.name!r} has no height; add one to the room file"
+        )
+    if not model.follows_sound and prediction.unit is not Unit.PASS:
+        raise InputError(f"--unit {prediction.unit}: has no effect with --model {model}; leave it out")
+    if prediction.grain is not None:
+        _check_grain(prediction.grain, given.room, model)
+    if prediction.own_body and not board.own_body:
         raise InputError(f"--own-body: board {board.name!r} has no own_body; `sonarhw calibrate` finds it from logs")
 
 
@@ -364,7 +337,7 @@ def _warn_of_near_field(scan: "PredictedScan") -> None:
     begins = far_field(scan.board.aperture_radius, scan.board.wavelength(scan.room.air))
     near = int((scan.distances[~np.isnan(scan.distances)] < begins).sum())
     if near:
-        warn(
+        options.warn(
             f"{counted(near, 'reading')} nearer than {begins:.3f} m, where the far field of the "
             "transducer begins: their beam loss is approximate"
         )
@@ -376,7 +349,7 @@ def _warn_of_silence(scan: "PredictedScan") -> None:
     from sonarhw_sim.check import reason_for_silence
 
     if np.isnan(scan.ranges).all() and not scan.room.is_outside(scan.place.position):
-        warn(f"no echo: {reason_for_silence(scan.room, scan.place, scan.board)}")
+        options.warn(f"no echo: {reason_for_silence(scan.room, scan.place, scan.board)}")
 
 
 def _warn_of_face_outside(scan: "PredictedScan") -> None:
@@ -385,7 +358,7 @@ def _warn_of_face_outside(scan: "PredictedScan") -> None:
         return
     outside = sum(scan.room.is_outside((x, y)) for x, y in scan.standpoints.tolist())
     if outside:
-        warn(
+        options.warn(
             f"at {counted(outside, 'heading')} of {len(scan.headings)} board {scan.board.name!r} "
             f"has its face outside room {scan.room.name!r}; move the place, or check [mount] or [ring]"
         )
@@ -395,8 +368,8 @@ def _warn_of_face_outside(scan: "PredictedScan") -> None:
 
 
 WHOLE_CIRCLE = (0.0, 360.0, 5.0)  # degrees: from, to, step
-_CSV = (".csv", STDOUT)
-_FORMATS = (".csv", ".npz", *PICTURES, LOG, *FILMS, STDOUT)
+_CSV = (".csv", options.STDOUT)
+_FORMATS = (".csv", ".npz", *PICTURES, options.LOG, *FILMS, options.STDOUT)
 
 
 FaceEffect = Annotated[Unit, typer.Option(help="Effect of the transducer's face on sound that passes it.")]
@@ -445,28 +418,28 @@ PredictionFile = Annotated[
 
 
 def simulate(
-    room_name: RoomName,
-    place: PlaceName = None,
-    start: FromDegrees = WHOLE_CIRCLE[0],
-    stop: ToDegrees = WHOLE_CIRCLE[1],
-    step: StepDegrees = WHOLE_CIRCLE[2],
-    board: BoardName = DEFAULT_BOARD,
-    receiver: ReceiverChoice = None,
+    room_name: options.RoomName,
+    place: options.PlaceName = None,
+    start: options.FromDegrees = WHOLE_CIRCLE[0],
+    stop: options.ToDegrees = WHOLE_CIRCLE[1],
+    step: options.StepDegrees = WHOLE_CIRCLE[2],
+    board: options.BoardName = DEFAULT_BOARD,
+    receiver: options.ReceiverChoice = None,
     unit: FaceEffect = Unit.PASS,
-    edge_strength: EdgeStrengthChoice = None,
+    edge_strength: options.EdgeStrengthChoice = None,
     sections: Sections = 1,
-    model: ModelChoice = Model.RAY_FOLLOWING,
+    model: options.ModelChoice = Model.RAY_FOLLOWING,
     traces: TracesToWrite = None,
     rate: TraceRate = None,
     noise: ReceiverNoise = 0.0,
     seed: RandomSeed = None,
     grain: SpeckleSeed = None,
     probability: AsProbability = False,
-    pings: PingsOfMedian = None,
-    room_tolerance: RoomTolerance = None,
+    pings: options.PingsOfMedian = None,
+    room_tolerance: options.RoomTolerance = None,
     own_body: WithOwnBody = False,
     out: PredictionFile = "-",
-    force: Force = False,
+    force: options.Force = False,
 ) -> None:
     """Predict a scan as CSV, NPZ, picture or log.
 
@@ -481,13 +454,13 @@ def simulate(
     from sonarhw_sim.board.profile import load_board
     from sonarhw_sim.predict.prediction import PredictionOptions
 
-    kind = checked_out(out, _CSV if probability else _FORMATS, force, room_name, board)
+    kind = outputs.checked_out(out, _CSV if probability else _FORMATS, force, room_name, board)
     settings = trace_settings(traces, rate, kind)
-    order = order_in_degrees(start, stop, step)
-    warn_of_radians(start, stop)
+    order = options.order_in_degrees(start, stop, step)
+    options.warn_of_radians(start, stop)
     room, profile = open_room(room_name), load_board(board)
     here = profile.faced(chosen_place(room, place))
-    options = PredictionOptions(
+    prediction = PredictionOptions(
         unit=unit,
         edge_strength=edge_strength,
         receiver=receiver,
@@ -497,13 +470,13 @@ def simulate(
         sections=sections,
         own_body=own_body,
     )
-    given = PredictionInput(room, here, profile, _headings(order, profile, here), model, options)
+    given = PredictionInput(room, here, profile, _headings(order, profile, here), model, prediction)
     check_input(given, kind, settings)
     scan = _scan_of_spreads(given, pings or 1) if probability else given.scan()
     warn_of_doubts(scan, model)
     if probability:
-        with text_output(out, force) as file:
-            write_rows(file, PROBABILITY_HEADER, probability_rows(scan, pings, room_tolerance))
+        with outputs.text_output(out, force) as file:
+            options.write_rows(file, PROBABILITY_HEADER, probability_rows(scan, pings, room_tolerance))
     else:
         _write(scan, kind, out, force, settings, room_name)
 
@@ -523,8 +496,8 @@ def _write(
         case ".mcap":
             write_predicted_log(scan, settings, file_name(room_name), Path(out), force)
         case _:
-            with text_output(out, force) as file:
-                write_rows(file, HEADER, prediction_rows(scan))
+            with outputs.text_output(out, force) as file:
+                options.write_rows(file, HEADER, prediction_rows(scan))
 
 
 def _scan_of_spreads(given: PredictionInput, pings: int) -> "PredictedScan":
@@ -533,7 +506,7 @@ def _scan_of_spreads(given: PredictionInput, pings: int) -> "PredictedScan":
     check_pings(pings)
     board = given.board
     if not board.threshold_sd_db:
-        warn(
+        options.warn(
             f"board profile {board.name!r} has no threshold_sd_db: every echo is either certain or impossible; "
             "write the spread of its threshold into a profile of your own"
         )
@@ -544,7 +517,7 @@ def _headings(order: "ScanOrder", board: "Board", place: "Place") -> "FloatArray
     """Return the requested headings, or those of the sensors of a ring. Raises InputError if both are given."""
     if board.ring is None:
         return order.angles()
-    if order != order_in_degrees(*WHOLE_CIRCLE):
+    if order != options.order_in_degrees(*WHOLE_CIRCLE):
         raise InputError(
             f"board {board.name!r} is a ring of {board.ring.sensors} sensors, which does not turn; "
             "leave out --from, --to and --step"
@@ -572,22 +545,22 @@ FaintestEdge = Annotated[
 
 
 def paths(
-    room_name: RoomName,
-    place: PlaceName = None,
+    room_name: options.RoomName,
+    place: options.PlaceName = None,
     max_bounces: Annotated[int, typer.Option(min=0, max=1000, help="Largest number of reflections.")] = 64,
     max_range: HalfLength = None,
     no_diffraction: Annotated[bool, typer.Option("--no-diffraction", help="Omit paths around edges.")] = False,
-    edge_strength: EdgeStrengthChoice = None,
+    edge_strength: options.EdgeStrengthChoice = None,
     faintest: FaintestEdge = -60.0,
     out: Annotated[str, typer.Option(help="File to write; - is standard output.", metavar="FILE.csv")] = "-",
-    force: Force = False,
+    force: options.Force = False,
 ) -> None:
     """List every path of sound from a place back to it. The shortest is first."""
     from sonarhw_sim.board.profile import load_board
     from sonarhw_sim.rays.paths import PathSearch
     from sonarhw_sim.space.sections import paths_from
 
-    checked_out(out, (".csv", STDOUT), force, room_name)
+    outputs.checked_out(out, (".csv", options.STDOUT), force, room_name)
     room = open_room(room_name)
     here, board = chosen_place(room, place), load_board(DEFAULT_BOARD)
     reach = board.max_range if max_range is None else max_range
@@ -599,7 +572,7 @@ def paths(
         edge_strength=edge_strength or EdgeStrength.UNIFORM,
         faintest_diffraction=10 ** (faintest / 20),
     )
-    with text_output(out, force) as file:
+    with outputs.text_output(out, force) as file:
         found = paths_from(room, here, search)
         rows = (
             (
@@ -612,7 +585,7 @@ def paths(
             )
             for k in range(len(found))
         )
-        write_rows(file, PATHS_HEADER, rows)
+        options.write_rows(file, PATHS_HEADER, rows)
 
 
 # `sonarhw figures`: draw every figure of the paper, and check the claims of the paper about it.
@@ -631,7 +604,7 @@ def figures(
     picture_format: Annotated[PictureFormat, typer.Option("--format", help="Format of the pictures.")] = (
         PictureFormat.PNG
     ),
-    force: ForceFiles = False,
+    force: options.ForceFiles = False,
 ) -> None:
     """Draw the paper's figures again and check each. DIR/figures.md states whether each agrees with the paper."""
     from sonarhw_compare.paper.figures import EXHIBITS, PAGE, claims, page, picture, picture_name
@@ -639,15 +612,15 @@ def figures(
     suffix = f".{picture_format.value}"
     text = folder / PAGE
     pictures = [folder / picture_name(exhibit, suffix) for exhibit in EXHIBITS]
-    refuse_existing_in(folder, [text, *pictures], force, "DIR")
+    outputs.refuse_existing_in(folder, [text, *pictures], force, "DIR")
     held = []
-    with made_folder(folder), progress(len(EXHIBITS), lambda: "Drawing") as advance:
+    with outputs.made_folder(folder), outputs.progress(len(EXHIBITS), lambda: "Drawing") as advance:
         for exhibit, out in zip(EXHIBITS, pictures, strict=True):
             held += [claim.holds for claim in claims(exhibit)]
             _write_figure(out, picture(exhibit, suffix), force)
             advance()
     _write_figure(text, page(suffix).encode(), force)
-    print_line(f"{counted(len(pictures), 'figure')}; {sum(held)} of {counted(len(held), 'claim')} hold: {text}")
+    options.print_line(f"{counted(len(pictures), 'figure')}; {sum(held)} of {counted(len(held), 'claim')} hold: {text}")
 
 
 def _write_figure(out: Path, content: bytes, force: bool) -> None:

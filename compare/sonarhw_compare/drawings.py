@@ -24,25 +24,13 @@ from sonarhw_sim.predict.predicted_scan import PredictedScan, standpoints
 from sonarhw_sim.room.room import Place, Room
 
 from sonarhw.readings import FloatArray, Origin
+from sonarhw_compare import pictures
 from sonarhw_compare.arcs import Arc, direction, headings_and_ranges
 from sonarhw_compare.calibration.room import RoomCalibration
 from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_compare.locate import NEAR, Located, Pose
 from sonarhw_compare.map import Layer, RoomMap, reflections_of
 from sonarhw_compare.match import Comparison, Kind, compare_readings
-from sonarhw_compare.pictures import (
-    EXTRA,
-    LONG,
-    MEASURED,
-    MISSED,
-    OWN_BODY,
-    PREDICTED,
-    SHORT,
-    WALL,
-    RangeShading,
-    picture_text,
-    points_at,
-)
 from sonarhw_compare.two_scans import ScanChange, ScanDifference
 
 # Texts at points of a picture: one for all names at a position, and none over another.
@@ -68,7 +56,7 @@ def names_by_position(places: Iterable[Place]) -> dict[Point, str]:
     """Return the text for each position (m) of places: the names there, in the order of the places."""
     found: dict[Point, list[str]] = {}
     for place in places:
-        found.setdefault(place.position, []).append(picture_text(place.name))
+        found.setdefault(place.position, []).append(pictures.picture_text(place.name))
     return {position: fill(", ".join(names), _MOST) for position, names in found.items()}
 
 
@@ -140,7 +128,7 @@ def draw_plan(
     title: str = "",
     origin: Origin = Origin.MEASURED,
     own_body: Sequence[tuple[float, float]] = (),
-    shading: RangeShading | None = None,
+    shading: pictures.RangeShading | None = None,
     changed: Room | None = None,
 ) -> Figure:
     """Return a figure of the room with predicted points, and `measured` (heading rad, range m) over them.
@@ -151,18 +139,20 @@ def draw_plan(
     figure = new_figure(8, 7, 120)
     axes = figure.add_subplot()
     draw_room(axes, scan.room, scan.place)
-    predicted = points_at(scan.standpoints, scan.headings, scan.ranges)
-    axes.plot(*predicted.T, "o", mfc="none", mec=PREDICTED, ms=7, label="predicted")
-    drawn = ((measured, ".", MEASURED, 6, origin.value), (own_body, "D", OWN_BODY, 4, "own body"))
+    predicted = pictures.points_at(scan.standpoints, scan.headings, scan.ranges)
+    axes.plot(*predicted.T, "o", mfc="none", mec=pictures.PREDICTED, ms=7, label="predicted")
+    drawn = ((measured, ".", pictures.MEASURED, 6, origin.value), (own_body, "D", pictures.OWN_BODY, 4, "own body"))
     for readings, marker, colour, size, label in drawn:
         if readings:
             headings, ranges = np.array(readings).T
             sensors = standpoints(scan.board, scan.place, headings)
-            axes.plot(*points_at(sensors, headings, ranges).T, marker, color=colour, ms=size, ls="none", label=label)
+            axes.plot(
+                *pictures.points_at(sensors, headings, ranges).T, marker, color=colour, ms=size, ls="none", label=label
+            )
     if changed is not None:
         _draw_found(axes, scan.room, changed)
     mark_sensors(axes, scan.place.position)
-    named = picture_text(title or f"{scan.room.name}, place {scan.place.name}")
+    named = pictures.picture_text(title or f"{scan.room.name}, place {scan.place.name}")
     axes.set(xlabel="x (m)", ylabel="y (m)", title=named)
     axes.set_aspect("equal")
     axes.grid(alpha=0.25)
@@ -170,7 +160,7 @@ def draw_plan(
     handles, _ = axes.get_legend_handles_labels()
     if shading is not None:
         _draw_shading(axes, scan, shading)
-        handles.append(Patch(color=PREDICTED, alpha=_SHADE_OF_LEGEND, label="probability of a range"))
+        handles.append(Patch(color=pictures.PREDICTED, alpha=_SHADE_OF_LEGEND, label="probability of a range"))
     figure.legend(handles=handles, loc="outside right upper")
     return laid_out(figure)
 
@@ -189,12 +179,12 @@ def _draw_found(axes: Axes, room: Room, changed: Room) -> None:
         if name not in known
     ]
     for x0, y0, x1, y1 in walls:
-        axes.plot((x0, x1), (y0, y1), "--", color=PREDICTED, lw=2.5)
+        axes.plot((x0, x1), (y0, y1), "--", color=pictures.PREDICTED, lw=2.5)
     for x, y, radius in posts:
-        axes.add_patch(Circle((x, y), radius, fill=False, color=PREDICTED, lw=2, ls="--"))
-        axes.plot(x, y, "+", color=PREDICTED, ms=14, mew=2)  # a post may be smaller than a pixel
+        axes.add_patch(Circle((x, y), radius, fill=False, color=pictures.PREDICTED, lw=2, ls="--"))
+        axes.plot(x, y, "+", color=pictures.PREDICTED, ms=14, mew=2)  # a post may be smaller than a pixel
     if walls or posts:
-        axes.plot([], [], "--", color=PREDICTED, lw=2.5, label="found wall or post")
+        axes.plot([], [], "--", color=pictures.PREDICTED, lw=2.5, label="found wall or post")
 
 
 def _has_moved(before: FloatArray, after: FloatArray) -> bool:
@@ -204,7 +194,7 @@ def _has_moved(before: FloatArray, after: FloatArray) -> bool:
     return bool(np.abs((after.reshape(2, 2) - before[:2]) @ across).max() > _MOVED)
 
 
-def _draw_shading(axes: Axes, scan: PredictedScan, shading: RangeShading) -> None:
+def _draw_shading(axes: Axes, scan: PredictedScan, shading: pictures.RangeShading) -> None:
     """Draw the shading around the sensor of `scan`. Likely ranges outside the limits of `axes` are not drawn."""
     count = len(shading.headings)
     edges = shading.headings[0] + (np.arange(count + 1) - 0.5) * 2 * np.pi / count
@@ -213,7 +203,7 @@ def _draw_shading(axes: Axes, scan: PredictedScan, shading: RangeShading) -> Non
     corners = sensors + ranges[:, None] * np.column_stack((np.cos(edges), np.sin(edges)))[:, None]
     # as pixels also in SVG and PDF: 144 000 polygons make large files
     mesh = QuadMesh(corners, array=shading.opacities, rasterized=True, zorder=0)
-    mesh.set_cmap(LinearSegmentedColormap.from_list("opacity", [(PREDICTED, 0.0), (PREDICTED, 1.0)]))
+    mesh.set_cmap(LinearSegmentedColormap.from_list("opacity", [(pictures.PREDICTED, 0.0), (pictures.PREDICTED, 1.0)]))
     mesh.set_clim(0.0, 1.0)
     axes.add_collection(mesh, autolim=False)
 
@@ -242,11 +232,11 @@ def draw_room(axes: Axes, room: Room, place: Place | None = None) -> None:
     """
     heights = _named_heights(room, place)
     for (x0, y0, x1, y1), name in zip(room.walls, heights, strict=False):
-        axes.plot((x0, x1), (y0, y1), _LINES[name], color=WALL, lw=2)
+        axes.plot((x0, x1), (y0, y1), _LINES[name], color=pictures.WALL, lw=2)
     for (x, y, radius), name in zip(room.posts, heights[len(room.walls) :], strict=True):
-        axes.add_patch(Circle((x, y), radius, color=WALL, ls=_LINES[name], lw=2 if name else 1, fill=not name))
+        axes.add_patch(Circle((x, y), radius, color=pictures.WALL, ls=_LINES[name], lw=2 if name else 1, fill=not name))
     for name in sorted(set(heights) - {""}):
-        axes.plot([], [], _LINES[name], color=WALL, lw=2, label=name)
+        axes.plot([], [], _LINES[name], color=pictures.WALL, lw=2, label=name)
 
 
 def _named_heights(room: Room, place: Place | None) -> list[str]:
@@ -280,11 +270,11 @@ def draw_checked_room(room: Room, findings: Sequence[Finding] = ()) -> Figure:
     length = _ARROW * float(np.ptp(corners, axis=0).max()) if len(corners) else 1.0
     arrows = []
     for place in room.places.values():
-        axes.plot(*place.position, "o", color=PREDICTED, ms=7)
-        arrows.append(draw_heading(axes, place.position, place.heading, length, PREDICTED))
+        axes.plot(*place.position, "o", color=pictures.PREDICTED, ms=7)
+        arrows.append(draw_heading(axes, place.position, place.heading, length, pictures.PREDICTED))
     labels = [_label(axes, text, at, "black") for at, text in names_by_position(room.places.values()).items()]
     labels += _mark(axes, findings[:_MOST_MARKS])
-    axes.set(xlabel="x (m)", ylabel="y (m)", title=picture_text(room.name))
+    axes.set(xlabel="x (m)", ylabel="y (m)", title=pictures.picture_text(room.name))
     axes.set_aspect("equal", adjustable="datalim")
     axes.grid(alpha=0.25)
     if axes.get_legend_handles_labels()[0]:
@@ -298,10 +288,10 @@ def _mark(axes: Axes, findings: Sequence[Finding]) -> list[Annotation]:
     numbers: dict[tuple[float, float], list[str]] = {}
     for number, finding in enumerate(findings, 1):
         if finding.at:
-            label = picture_text(f"{number}: {finding.where}: {finding.kind}")
-            axes.plot(*np.array(finding.at).T, "o", ms=16, mfc="none", mec=MEASURED, mew=2, label=label)
+            label = pictures.picture_text(f"{number}: {finding.where}: {finding.kind}")
+            axes.plot(*np.array(finding.at).T, "o", ms=16, mfc="none", mec=pictures.MEASURED, mew=2, label=label)
             numbers.setdefault(finding.at[0], []).append(str(number))
-    return [_label(axes, ", ".join(there), at, MEASURED, "bold") for at, there in numbers.items()]
+    return [_label(axes, ", ".join(there), at, pictures.MEASURED, "bold") for at, there in numbers.items()]
 
 
 def _label(axes: Axes, text: str, at: tuple[float, float], color: str, weight: str = "normal") -> Annotation:
@@ -311,7 +301,9 @@ def _label(axes: Axes, text: str, at: tuple[float, float], color: str, weight: s
 # Picture of a scan over its prediction, in the plan of the room.
 
 
-def draw_comparison(comparison: Comparison, shading: RangeShading | None = None, changed: Room | None = None) -> Figure:
+def draw_comparison(
+    comparison: Comparison, shading: pictures.RangeShading | None = None, changed: Room | None = None
+) -> Figure:
     """Return a figure of the room with the scan over its prediction, and the shading of `shading_around` behind.
 
     What only `changed` has is drawn as found: the room of `find_causes`.
@@ -352,11 +344,11 @@ def draw_calibration(found: RoomCalibration) -> Figure:
             title = f"{found.scans[row].name}, {when}: {share}" + (
                 "" if silence is None else f", silence {silence:.0%}"
             )
-            axes[row, column].set_title(picture_text(title), fontsize=9, loc="left")
+            axes[row, column].set_title(pictures.picture_text(title), fontsize=9, loc="left")
         axes[row, 0].set_ylabel("range (m)")
     axes[0, 0].yaxis.set_major_formatter(lambda value, _: f"{value:g}" if value >= 0 else "")  # shared by all
-    for one in axes[-1]:
-        one.set(xlabel="heading in the room (°)", xlim=(0, 360), xticks=range(0, 361, 45))
+    for axis in axes[-1]:
+        axis.set(xlabel="heading in the room (°)", xlim=(0, 360), xticks=range(0, 361, 45))
     handles = _named_marks(axes.flat)
     figure.legend(handles.values(), handles.keys(), loc="outside upper center", ncols=4, frameon=False)
     return laid_out(figure)
@@ -368,10 +360,12 @@ def _draw(axes: Axes, comparison: Comparison) -> None:
     headings = np.degrees(comparison.prediction.headings) % 360
     predicted = comparison.prediction.ranges
     axes.axhspan(2 * quiet, quiet / 2, color="#EEEEEE")
-    axes.plot(headings, _or(predicted, quiet * 1.4), "o", mfc="none", mec=PREDICTED, ms=4, mew=0.8, label="predicted")
+    axes.plot(
+        headings, _or(predicted, quiet * 1.4), "o", mfc="none", mec=pictures.PREDICTED, ms=4, mew=0.8, label="predicted"
+    )
     for kinds, colour, marker, label in (
-        ([kind for kind in Kind if kind is not Kind.OWN_BODY], MEASURED, ".", named),
-        ([Kind.OWN_BODY], OWN_BODY, "d", "own body"),
+        ([kind for kind in Kind if kind is not Kind.OWN_BODY], pictures.MEASURED, ".", named),
+        ([Kind.OWN_BODY], pictures.OWN_BODY, "d", "own body"),
     ):
         rows = [row for row in comparison.rows if row.kind in kinds]
         if rows:
@@ -407,12 +401,22 @@ def draw_located(located: Located) -> Figure:
     headings = np.array([board.heading_at(reading.angle, best.heading) for reading in echoes])
     sensors = standpoints(board, board.faced(place), headings)
     ranges = np.array([float(reading.range or 0) + best.offset for reading in echoes])
-    axes.plot(*points_at(sensors, headings, ranges).T, ".", color=MEASURED, ms=6, label="scan, at the best pose")
+    axes.plot(
+        *pictures.points_at(sensors, headings, ranges).T,
+        ".",
+        color=pictures.MEASURED,
+        ms=6,
+        label="scan, at the best pose",
+    )
     _draw_places(axes, located)
     for pose in located.poses[:_MOST_POSES]:
         _draw_pose(axes, pose, _POSE_ARROW * float(np.ptp(located.room.walls.reshape(-1, 2), axis=0).max()))
-    mark_sensors(axes, np.empty((0, 2)), color=PREDICTED, label="probable pose, turntable step 0 along the arrow")
-    axes.set(xlabel="x (m)", ylabel="y (m)", title=f"{picture_text(located.room.name)}: where the scan was taken")
+    mark_sensors(
+        axes, np.empty((0, 2)), color=pictures.PREDICTED, label="probable pose, turntable step 0 along the arrow"
+    )
+    axes.set(
+        xlabel="x (m)", ylabel="y (m)", title=f"{pictures.picture_text(located.room.name)}: where the scan was taken"
+    )
     axes.set_aspect("equal")
     # the image would limit the axes to the walls
     axes.use_sticky_edges = False
@@ -460,9 +464,9 @@ def _write_beside(axes: Axes, text: str, position: tuple[float, float], towards:
 
 
 def _draw_pose(axes: Axes, pose: Pose, length: float) -> None:
-    draw_heading(axes, pose.position, pose.heading, length, PREDICTED)
-    mark_sensors(axes, pose.position, label="", color=PREDICTED)
-    _write_beside(axes, f"{pose.probability:.0%}", pose.position, pose.heading - math.pi / 2, PREDICTED)
+    draw_heading(axes, pose.position, pose.heading, length, pictures.PREDICTED)
+    mark_sensors(axes, pose.position, label="", color=pictures.PREDICTED)
+    _write_beside(axes, f"{pose.probability:.0%}", pose.position, pose.heading - math.pi / 2, pictures.PREDICTED)
 
 
 # Picture of a map as a matplotlib figure: all echoes beside those without several reflections.
@@ -492,7 +496,7 @@ def draw_map(found: RoomMap, room: Room | None = None) -> Figure:
     for axes, (layer, title) in zip(plans, layers, strict=True):
         _draw_layer(axes, layer)
         if room is not None:
-            _draw_surfaces(axes, room, WALL, 1.2, "room file", style="--")
+            _draw_surfaces(axes, room, pictures.WALL, 1.2, "room file", style="--")
         mark_sensors(axes, sensors)
         axes.set(xlabel="x (m)", ylabel="y (m)", title=title)
         axes.set_aspect("equal")
@@ -502,7 +506,7 @@ def draw_map(found: RoomMap, room: Room | None = None) -> Figure:
     plans[0].set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     named = _named_marks(plans)
     shades = [
-        Patch(facecolor=colormaps[_SHADES](share), edgecolor=WALL, label=name)
+        Patch(facecolor=colormaps[_SHADES](share), edgecolor=pictures.WALL, label=name)
         for share, name in ((0.0, "empty"), (0.5, "unknown"), (1.0, "occupied"))
     ]
     figure.legend(handles=[*named.values(), *shades], loc="outside lower center", ncols=4 * len(layers))
@@ -514,16 +518,16 @@ def _draw_layer(axes: Axes, layer: Layer) -> None:
     axes.imshow(layer.grid.certainty, origin="lower", extent=layer.grid.extent, cmap=_SHADES, vmin=-1.0, vmax=1.0)
     features = layer.features
     for arc in features.arcs:
-        axes.plot(*_outline(arc), "-", color=MEASURED, lw=1, alpha=0.7)
+        axes.plot(*_outline(arc), "-", color=pictures.MEASURED, lw=1, alpha=0.7)
     if features.arcs:
-        axes.plot([], [], "-", color=MEASURED, lw=1, label="region of constant depth")
+        axes.plot([], [], "-", color=pictures.MEASURED, lw=1, label="region of constant depth")
     # features that fewer than three places agree on are dotted and hollow: they may be chance
     line, fill, edge, maybe = (
-        ("-", PREDICTED, "white", "") if features.confirmed else (":", "none", PREDICTED, "possible ")
+        ("-", pictures.PREDICTED, "white", "") if features.confirmed else (":", "none", pictures.PREDICTED, "possible ")
     )
     for wall in features.walls:
         style, name = (":", "possible wall") if wall.possible else (line, f"{maybe}wall")
-        axes.plot(*np.transpose((wall.start, wall.end)), style, color=PREDICTED, lw=3, label=name)
+        axes.plot(*np.transpose((wall.start, wall.end)), style, color=pictures.PREDICTED, lw=3, label=name)
     for is_corner, mark, name in ((True, "s", "corner"), (False, "o", "edge")):
         at = [point.position for point in features.points if point.is_corner == is_corner]
         if at:
@@ -553,11 +557,11 @@ def _outline(arc: Arc) -> FloatArray:
 
 # colour and marker of each change; the colours of short, long, extra and missed readings mean the same there
 LOOK = {
-    ScanChange.SAME: (WALL, "o"),
-    ScanChange.NEARER: (SHORT, "v"),
-    ScanChange.FARTHER: (LONG, "^"),
-    ScanChange.FELL_SILENT: (MISSED, "x"),
-    ScanChange.APPEARED: (EXTRA, "+"),
+    ScanChange.SAME: (pictures.WALL, "o"),
+    ScanChange.NEARER: (pictures.SHORT, "v"),
+    ScanChange.FARTHER: (pictures.LONG, "^"),
+    ScanChange.FELL_SILENT: (pictures.MISSED, "x"),
+    ScanChange.APPEARED: (pictures.EXTRA, "+"),
 }
 
 
@@ -566,11 +570,16 @@ def draw_difference(difference: ScanDifference) -> Figure:
     figure = new_figure(9, 6.5, 120)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     headings = np.degrees([row.heading for row in difference.rows])
-    marks = ((difference.names[0], "o", PREDICTED, "none", 6), (difference.names[1], ".", MEASURED, MEASURED, 6))
+    marks = (
+        (difference.names[0], "o", pictures.PREDICTED, "none", 6),
+        (difference.names[1], ".", pictures.MEASURED, pictures.MEASURED, 6),
+    )
     for which, (name, marker, colour, face, size) in enumerate(marks):
         medians = [(row.first, row.second)[which].median for row in difference.rows]
         ranges = np.array([math.nan if median is None else median for median in medians])
-        above.plot(headings, ranges, marker, color=colour, mfc=face, ms=size, ls="none", label=picture_text(name))
+        above.plot(
+            headings, ranges, marker, color=colour, mfc=face, ms=size, ls="none", label=pictures.picture_text(name)
+        )
     above.set(ylabel="range (m)", ylim=(0, None))
     _draw_differences(below, difference)
     below.set(xlabel="heading (°)", ylabel="second minus first (cm)")
@@ -584,7 +593,9 @@ def draw_difference(difference: ScanDifference) -> Figure:
 def _draw_differences(axes: Axes, difference: ScanDifference) -> None:
     headings = np.degrees([row.heading for row in difference.rows])
     limit = 100 * np.array([row.limit for row in difference.rows])
-    axes.fill_between(headings, -limit, limit, step="mid", color=WALL, alpha=0.2, lw=0, label="explained by noise")
+    axes.fill_between(
+        headings, -limit, limit, step="mid", color=pictures.WALL, alpha=0.2, lw=0, label="explained by noise"
+    )
     for change, (colour, marker) in LOOK.items():
         rows = [row for row in difference.rows if row.change is change]
         if rows:
@@ -601,7 +612,7 @@ _WIDTH, _ROOM_BESIDE = 5.6, 1.4  # inches: of a plan, and of title, axis and leg
 _ROOM_MARGIN = 0.16  # around the room, of its longer side
 _NAME_AWAY, _NAME_SIZE = np.array([0.35, 0.17]), np.array([0.55, 0.17])  # inches
 # colour and marker of echoes by how the found room explains them
-_DIRECT, _GHOST, _NO_PATH = (MEASURED, "o"), (LONG, "^"), (EXTRA, "x")
+_DIRECT, _GHOST, _NO_PATH = (pictures.MEASURED, "o"), (pictures.LONG, "^"), (pictures.EXTRA, "x")
 
 
 def draw_found_room(
@@ -624,10 +635,12 @@ def draw_found_room(
     figure = new_figure(_WIDTH * count, _WIDTH * aspect + _ROOM_BESIDE, 110)
     plans = figure.subplots(1, count, squeeze=False, sharex=True, sharey=True)[0]
     _draw_echoes(plans[0], scans, room, board)
-    _draw_surfaces(plans[1], room, PREDICTED, 2.5, "found wall or post")
+    _draw_surfaces(plans[1], room, pictures.PREDICTED, 2.5, "found wall or post")
     _name_surfaces(plans[1], room, sensors, float(high[0] - low[0]) / _WIDTH)
     if open_ends:
-        plans[1].plot(*np.transpose(open_ends), "o", mfc="white", mec=PREDICTED, ms=8, ls="none", label="open end")
+        plans[1].plot(
+            *np.transpose(open_ends), "o", mfc="white", mec=pictures.PREDICTED, ms=8, ls="none", label="open end"
+        )
     plans[1].set_title("room found from them")
     if known is not None:
         _draw_known(plans[2], scans, room, board, known)
@@ -648,7 +661,7 @@ def _draw_echoes(axes: Axes, scans: Sequence[PlacedScan], room: Room, board: Boa
     reflections, points = np.concatenate(reflections_of(scans, room, board)), []
     for scan in scans:
         headings, ranges = headings_and_ranges(scan, board)
-        points.append(points_at(standpoints(board, scan.place, headings), headings, ranges))
+        points.append(pictures.points_at(standpoints(board, scan.place, headings), headings, ranges))
     where, once, found = np.vstack(points), reflections <= 1, reflections > 0
     heard = np.isfinite(where).all(axis=1)
     for (colour, marker), rows, label in (
@@ -662,11 +675,11 @@ def _draw_echoes(axes: Axes, scans: Sequence[PlacedScan], room: Room, board: Boa
 
 
 def _draw_known(axes: Axes, scans: Sequence[PlacedScan], room: Room, board: Board, known: Room) -> None:
-    _draw_surfaces(axes, known, WALL, 6.0, "wall or post of the room file", 0.35)
-    _draw_surfaces(axes, room, PREDICTED, 1.8, "found wall or post")
+    _draw_surfaces(axes, known, pictures.WALL, 6.0, "wall or post of the room file", 0.35)
+    _draw_surfaces(axes, room, pictures.PREDICTED, 1.8, "found wall or post")
     touched = np.vstack([_touched(scan, known, board) for scan in scans])
-    axes.plot(*touched.T, ".", color=MEASURED, ms=5, ls="none", label="touched by sound on its way to an echo")
-    axes.set_title(f"beside {picture_text(known.name)}")
+    axes.plot(*touched.T, ".", color=pictures.MEASURED, ms=5, ls="none", label="touched by sound on its way to an echo")
+    axes.set_title(f"beside {pictures.picture_text(known.name)}")
 
 
 def _touched(scan: PlacedScan, room: Room, board: Board) -> FloatArray:
@@ -704,7 +717,7 @@ def _name_surfaces(axes: Axes, room: Room, sensors: FloatArray, inch: float) -> 
         spot = at + inch * _NAME_AWAY * away
         if not any((np.abs(spot - other) < inch * _NAME_SIZE).all() for other in written):
             written.append(spot)
-            axes.annotate(picture_text(name), spot.tolist(), ha="center", va="center", fontsize="small")
+            axes.annotate(pictures.picture_text(name), spot.tolist(), ha="center", va="center", fontsize="small")
 
 
 def _away(wall: FloatArray, sensor: FloatArray) -> FloatArray:

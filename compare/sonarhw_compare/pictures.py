@@ -83,7 +83,12 @@ def shading_around(
 
 def shading_of(possible: Sequence[Sequence[PossibleReading]], headings: FloatArray) -> RangeShading:
     """Return the shading of the possible readings at each of `headings` (n,), rad, evenly spaced all round."""
-    far = [one.range for readings in possible for one in readings if one.range and one.probability > _UNLIKELY]
+    far = [
+        reading.range
+        for readings in possible
+        for reading in readings
+        if reading.range and reading.probability > _UNLIKELY
+    ]
     reach = 1.05 * max(far, default=1.0)  # slightly beyond all that are likely
     middles = (np.arange(_CELLS) + 0.5) * reach / _CELLS
     return RangeShading(headings, np.array([_opacities(readings, middles) for readings in possible]), reach)
@@ -93,10 +98,10 @@ def _opacities(readings: Sequence[PossibleReading], middles: FloatArray) -> Floa
     """Return the opacity of cells with these `middles` (m,), m: bells as high as their probability."""
     cell = middles[1] - middles[0]
     opacities = np.zeros(len(middles))
-    for one in readings:
-        if one.range is not None:
-            away = (middles - one.range) / max(one.spread, cell)
-            opacities += one.probability * np.exp(-(away**2) / 2)
+    for reading in readings:
+        if reading.range is not None:
+            away = (middles - reading.range) / max(reading.spread, cell)
+            opacities += reading.probability * np.exp(-(away**2) / 2)
     return np.asarray(np.minimum(opacities, 1.0))
 
 

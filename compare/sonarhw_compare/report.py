@@ -23,6 +23,7 @@ from sonarhw_sim.room.room import Place, Room
 from sonarhw.errors import harmless
 from sonarhw.log import Log, LogMetadata
 from sonarhw.readings import FloatArray, Origin, Reading, Trace
+from sonarhw_compare import pictures
 from sonarhw_compare.drawings import draw_map, draw_room
 from sonarhw_compare.explain import explain_reading, path_suffix, region_counts
 from sonarhw_compare.fit.starting import Fit
@@ -30,25 +31,6 @@ from sonarhw_compare.headings import heading_text, in_degrees
 from sonarhw_compare.map import Layer, RoomMap
 from sonarhw_compare.match import TOLERANCE, Comparison, Kind, Matched, Summary, compare_readings, few_explained
 from sonarhw_compare.picture_file import picture_bytes
-from sonarhw_compare.pictures import (
-    EXTRA,
-    LONG,
-    MEASURED,
-    MISSED,
-    OWN_BODY,
-    PREDICTED,
-    SHORT,
-    BScan,
-    RangeCells,
-    bscan_of,
-    cells_for,
-    floor_of,
-    heading_key,
-    in_db,
-    points_at,
-    predicted_row,
-    trace_row,
-)
 from sonarhw_compare.regions import LEAST_WIDTH, Region
 from sonarhw_compare.rooms.outcome import MappedScans, RoomOfScans, found_room_figures, open_ends
 from sonarhw_compare.scans import GivenScan
@@ -220,12 +202,12 @@ def _drawn(suffix: str, figure: Figure, meaning: str) -> str:
 
 # colour and marker of each class; the colours are those of the window
 CLASSES: dict[Kind, tuple[str, str]] = {
-    Kind.MATCH: (MEASURED, "o"),
-    Kind.SHORT: (SHORT, "v"),
-    Kind.LONG: (LONG, "^"),
-    Kind.EXTRA: (EXTRA, "s"),
-    Kind.MISSED: (MISSED, "x"),
-    Kind.OWN_BODY: (OWN_BODY, "D"),
+    Kind.MATCH: (pictures.MEASURED, "o"),
+    Kind.SHORT: (pictures.SHORT, "v"),
+    Kind.LONG: (pictures.LONG, "^"),
+    Kind.EXTRA: (pictures.EXTRA, "s"),
+    Kind.MISSED: (pictures.MISSED, "x"),
+    Kind.OWN_BODY: (pictures.OWN_BODY, "D"),
 }
 _MOST_RESIDUAL = 250.0  # mm; larger residuals are drawn at the edge
 _BEYOND = 0.3  # margin around the room, of its longer side
@@ -240,10 +222,10 @@ def plan_svg(comparison: Comparison) -> bytes:
     draw_room(axes, prediction.room, prediction.place)
 
     def place(headings: FloatArray, ranges: FloatArray) -> FloatArray:
-        return points_at(standpoints(prediction.board, prediction.place, headings), headings, ranges)
+        return pictures.points_at(standpoints(prediction.board, prediction.place, headings), headings, ranges)
 
     predicted = place(prediction.headings, prediction.ranges)
-    axes.plot(*predicted.T, "o", mfc="none", mec=PREDICTED, ms=7, label="predicted")
+    axes.plot(*predicted.T, "o", mfc="none", mec=pictures.PREDICTED, ms=7, label="predicted")
     _draw_classes(axes, comparison.rows, lambda headings, ranges: place(np.radians(headings), ranges), _drawn_at)
     axes.plot(*prediction.place.position, "D", color="black", ms=7, label="sensor")
     axes.set(xlabel="x (m)", ylabel="y (m)")
@@ -258,7 +240,7 @@ def ranges_svg(comparison: Comparison) -> bytes:
     figure, (ranges, residuals) = _figure((10, 5.6), 2)
     prediction = comparison.prediction
     headings = np.degrees(prediction.headings) % 360
-    ranges.plot(headings, prediction.ranges, "o", mfc="none", mec=PREDICTED, ms=6, label="predicted")
+    ranges.plot(headings, prediction.ranges, "o", mfc="none", mec=pictures.PREDICTED, ms=6, label="predicted")
     _draw_classes(ranges, comparison.rows, _side_by_side, _drawn_at)
     ranges.set(ylabel="range (m)", ylim=(0, None))
     ranges.legend(loc="upper left", bbox_to_anchor=(1, 1), frameon=False, title=f"{comparison.origin} readings")
@@ -282,7 +264,9 @@ def calibration_svg(bins: Sequence[CalibrationBin]) -> bytes:
     figure, (axes,) = _figure((4.6, 4.2), 1)
     stated, observed, counts = np.array([(one.stated, one.observed, one.n) for one in bins]).reshape(-1, 3).T
     axes.plot([0, 1], [0, 1], ":", color="black")
-    axes.errorbar(stated, observed, np.sqrt(stated * (1 - stated) / counts), fmt="o", color=MEASURED, capsize=3)
+    axes.errorbar(
+        stated, observed, np.sqrt(stated * (1 - stated) / counts), fmt="o", color=pictures.MEASURED, capsize=3
+    )
     axes.set(xlabel="stated probability of the most probable reading", ylabel="share that was measured")
     axes.set(xlim=(0, 1.03), ylim=(0, 1.03), aspect="equal")
     return picture_bytes(figure, ".svg")
@@ -295,14 +279,14 @@ def bscan_png(comparison: Comparison) -> bytes | None:
     if not traced:
         return None
     cells = _cells(traced[0][1], traced[0][0].reading.speed_of_sound, prediction.board)
-    rows = {heading_key(row.heading): (row, trace) for row, trace in traced}  # the newest of each heading
-    measured = {key: trace_row(trace, row.reading.speed_of_sound, cells) for key, (row, trace) in rows.items()}
-    predicted = {key: predicted_row(prediction, row.heading, cells) for key, (row, _) in rows.items()}
+    rows = {pictures.heading_key(row.heading): (row, trace) for row, trace in traced}  # the newest of each heading
+    measured = {key: pictures.trace_row(trace, row.reading.speed_of_sound, cells) for key, (row, trace) in rows.items()}
+    predicted = {key: pictures.predicted_row(prediction, row.heading, cells) for key, (row, _) in rows.items()}
     figure, panes = _figure((10, 6.4), 2)
-    floor = floor_of(prediction.board)
+    floor = pictures.floor_of(prediction.board)
     for axes, name, levels in zip(panes, (comparison.origin.value, "predicted"), (measured, predicted), strict=True):
         image = axes.imshow(
-            _image(bscan_of(levels, cells), floor),
+            _image(pictures.bscan_of(levels, cells), floor),
             extent=(0, 360, 0, cells.reach),
             origin="lower",
             aspect="auto",
@@ -369,17 +353,17 @@ def _residual(row: Matched) -> float | None:
     return float(np.clip(row.residual * 1000, -_MOST_RESIDUAL, _MOST_RESIDUAL))
 
 
-def _cells(trace: Trace, speed_of_sound: float, board: Board) -> RangeCells:
+def _cells(trace: Trace, speed_of_sound: float, board: Board) -> pictures.RangeCells:
     """Return cells up to the end of a trace."""
     metres = speed_of_sound / 2
     reach = float(trace.times[-1]) * metres if len(trace.samples) else board.max_range
-    return cells_for(reach, max(_SAMPLE, metres / trace.rate))
+    return pictures.cells_for(reach, max(_SAMPLE, metres / trace.rate))
 
 
-def _image(bscan: BScan, floor: float) -> FloatArray:
+def _image(bscan: pictures.BScan, floor: float) -> FloatArray:
     rows = bscan.rows_at(np.linspace(0, math.tau, _COLUMNS, endpoint=False))
     levels = np.vstack((bscan.levels, np.full((1, bscan.cells.count), np.nan)))  # row -1, for gaps
-    return in_db(levels[rows], floor).T
+    return pictures.in_db(levels[rows], floor).T
 
 
 # The table of regions of constant depth in a report, measured beside predicted.

@@ -157,7 +157,11 @@ def _probability(measured: float | None, outcomes: Sequence[PossibleReading], bo
 
 def _within(middle: float, reach: float, outcomes: Sequence[PossibleReading]) -> float:
     """Return the probability of a range up to `reach` (m) from `middle` (m)."""
-    return sum(_share(one, middle + reach) - _share(one, middle - reach) for one in outcomes if one.range is not None)
+    return sum(
+        _share(outcome, middle + reach) - _share(outcome, middle - reach)
+        for outcome in outcomes
+        if outcome.range is not None
+    )
 
 
 def _share(outcome: PossibleReading, limit: float) -> float:
@@ -172,7 +176,7 @@ def _share(outcome: PossibleReading, limit: float) -> float:
 def _most_probable(measured: float | None, outcomes: Sequence[PossibleReading]) -> tuple[float, bool]:
     """Return the probability of the most probable reading, and whether `measured` (m; None: silence) is that."""
     silence = outcomes[-1].probability
-    ranges = [one.range for one in outcomes if one.range is not None]
+    ranges = [outcome.range for outcome in outcomes if outcome.range is not None]
     chances = [_within(middle, TOLERANCE, outcomes) for middle in ranges]
     if not chances or silence >= max(chances):
         return silence, measured is None

@@ -723,7 +723,7 @@ def _reading_table(
 ) -> "pa.Table":
     if not readings:
         return pa.table({})
-    several = {key: np.concatenate([getattr(one, key) for one in readings]) for key in vars(readings[0])}
+    several = {key: np.concatenate([getattr(reading, key) for reading in readings]) for key in vars(readings[0])}
     table = {"scan": pa.array(np.concatenate(numbers))}
     table |= {key: pa.array(values, from_pandas=True) for key, values in several.items()}
     table["bounces"] = table["bounces"].cast(pa.int16())

@@ -4,57 +4,23 @@ from collections.abc import Callable, Iterable, Sequence
 from html import escape
 from typing import Any, TypeVar
 
-from PySide6 import QtGui
-from PySide6.QtCore import (
-    QEvent,
-    QLocale,
-    QMargins,
-    QObject,
-    QPoint,
-    QPointF,
-    QRect,
-    QRectF,
-    QSignalBlocker,
-    QSize,
-    Qt,
-    Signal,
-    SignalInstance,
-    Slot,
-)
+from PySide6 import QtCore, QtGui, QtWidgets
 from PySide6.QtGui import QColor, QFont, QIcon, QPainter, QPaintEvent, QPixmap, QPolygonF, QResizeEvent
-from PySide6.QtWidgets import (
-    QAbstractItemView,
-    QBoxLayout,
-    QComboBox,
-    QDialog,
-    QDoubleSpinBox,
-    QHBoxLayout,
-    QLabel,
-    QLayout,
-    QLayoutItem,
-    QPushButton,
-    QSizePolicy,
-    QSlider,
-    QTableWidget,
-    QTableWidgetItem,
-    QVBoxLayout,
-    QWidget,
-)
 
-_Box = TypeVar("_Box", bound=QBoxLayout)
+_Box = TypeVar("_Box", bound=QtWidgets.QBoxLayout)
 # A layout that wraps its items into further lines, so that a long row never makes the window too wide.
 
 
-class FlowLayout(QLayout):
+class FlowLayout(QtWidgets.QLayout):
     """Items in lines, wrapped like words in a text."""
 
-    def __init__(self, parent: QWidget, margins: QMargins, gap: int) -> None:
+    def __init__(self, parent: QtWidgets.QWidget, margins: QtCore.QMargins, gap: int) -> None:
         super().__init__(parent)
-        self._items: list[QLayoutItem] = []
+        self._items: list[QtWidgets.QLayoutItem] = []
         self.gap = gap
         self.setContentsMargins(margins)
 
-    def addItem(self, item: QLayoutItem) -> None:
+    def addItem(self, item: QtWidgets.QLayoutItem) -> None:
         """Append an item."""
         self._items.append(item)
 
@@ -62,17 +28,17 @@ class FlowLayout(QLayout):
         """Return the number of items."""
         return len(self._items)
 
-    def itemAt(self, index: int) -> QLayoutItem | None:
+    def itemAt(self, index: int) -> QtWidgets.QLayoutItem | None:
         """Return an item, or None if the index is out of range."""
         return self._items[index] if 0 <= index < len(self._items) else None
 
-    def takeAt(self, index: int) -> QLayoutItem | None:  # type: ignore[override, unused-ignore]
+    def takeAt(self, index: int) -> QtWidgets.QLayoutItem | None:  # type: ignore[override, unused-ignore]
         """Remove and return an item; None if the index is out of range, which ends Qt's loop."""
         return self._items.pop(index) if 0 <= index < len(self._items) else None
 
-    def expandingDirections(self) -> Qt.Orientation:
+    def expandingDirections(self) -> QtCore.Qt.Orientation:
         """Return that the layout does not expand."""
-        return Qt.Orientation(0)
+        return QtCore.Qt.Orientation(0)
 
     def hasHeightForWidth(self) -> bool:
         """Return that the height depends on the width."""
@@ -80,28 +46,28 @@ class FlowLayout(QLayout):
 
     def heightForWidth(self, width: int) -> int:
         """Return the height for a width."""
-        return self._placed(QRect(0, 0, width, 0), move=False)
+        return self._placed(QtCore.QRect(0, 0, width, 0), move=False)
 
-    def setGeometry(self, area: QRect) -> None:
+    def setGeometry(self, area: QtCore.QRect) -> None:
         """Place every item."""
         super().setGeometry(area)
         self._placed(area, move=True)
 
-    def sizeHint(self) -> QSize:
+    def sizeHint(self) -> QtCore.QSize:
         """Return the size of all items in one line."""
         margins = self.contentsMargins()
         hints = [item.sizeHint() for item in self._items if not item.isEmpty()]
         width = sum(hint.width() for hint in hints) + self.gap * max(0, len(hints) - 1)
         height = max((hint.height() for hint in hints), default=0)
-        return QSize(width, height).grownBy(margins)
+        return QtCore.QSize(width, height).grownBy(margins)
 
-    def minimumSize(self) -> QSize:
+    def minimumSize(self) -> QtCore.QSize:
         """Return the size of the largest item."""
         width = max((item.minimumSize().width() for item in self._items), default=0)
         height = max((item.minimumSize().height() for item in self._items), default=0)
-        return QSize(width, height).grownBy(self.contentsMargins())
+        return QtCore.QSize(width, height).grownBy(self.contentsMargins())
 
-    def _placed(self, area: QRect, move: bool) -> int:
+    def _placed(self, area: QtCore.QRect, move: bool) -> int:
         """Return the height that the items need in the width of `area`; `move` also places them."""
         margins = self.contentsMargins()
         inside = area.marginsRemoved(margins)
@@ -113,7 +79,7 @@ class FlowLayout(QLayout):
             if x > inside.left() and x + hint.width() > inside.right() + 1:
                 x, y, line = inside.left(), y + line + self.gap // 2, 0
             if move:
-                item.setGeometry(QRect(QPoint(x, y), hint))
+                item.setGeometry(QtCore.QRect(QtCore.QPoint(x, y), hint))
             x += hint.width() + self.gap
             line = max(line, hint.height())
         return y + line + margins.bottom() - area.top()
@@ -124,24 +90,24 @@ class FlowLayout(QLayout):
 # Only a change of the label's height does, as with a larger text size.
 
 
-class LabelSlot(QWidget):
+class LabelSlot(QtWidgets.QWidget):
     """Takes its height from its label and its width from the layout."""
 
-    def __init__(self, label: QLabel) -> None:
+    def __init__(self, label: QtWidgets.QLabel) -> None:
         super().__init__()
         label.setParent(self)
         self._label = label
         self._height = self._needed_height()
 
-    def sizeHint(self) -> QSize:
+    def sizeHint(self) -> QtCore.QSize:
         """Return the minimum size of the label."""
-        return QSize(self._label.minimumWidth(), self._needed_height())
+        return QtCore.QSize(self._label.minimumWidth(), self._needed_height())
 
     minimumSizeHint = sizeHint
 
-    def event(self, event: QEvent) -> bool:
+    def event(self, event: QtCore.QEvent) -> bool:
         """Pass a layout request of the label to the parent only if its height has changed."""
-        if event.type() is QEvent.Type.LayoutRequest and self._height != (needed := self._needed_height()):
+        if event.type() is QtCore.QEvent.Type.LayoutRequest and self._height != (needed := self._needed_height()):
             self._height = needed
             self.updateGeometry()
         return super().event(event)
@@ -181,15 +147,15 @@ def media_icon(shape: Shape, colour: str, faint: str, ratio: float) -> QIcon:
 def _drawn(shape: Shape, colour: str, ratio: float) -> QPixmap:
     picture = QPixmap(round(_SIZE * ratio), round(_SIZE * ratio))
     picture.setDevicePixelRatio(ratio)
-    picture.fill(Qt.GlobalColor.transparent)
+    picture.fill(QtCore.Qt.GlobalColor.transparent)
     with QPainter(picture) as painter:
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-        painter.setPen(Qt.PenStyle.NoPen)
+        painter.setPen(QtCore.Qt.PenStyle.NoPen)
         painter.setBrush(QColor(colour))
         for part in shape:
-            corners = [QPointF(*part[k : k + 2]) for k in range(0, len(part), 2)]
+            corners = [QtCore.QPointF(*part[k : k + 2]) for k in range(0, len(part), 2)]
             if len(corners) == 2:
-                painter.drawRect(QRectF(*corners))
+                painter.drawRect(QtCore.QRectF(*corners))
             else:
                 painter.drawPolygon(QPolygonF(corners))
     return picture
@@ -201,16 +167,16 @@ def _drawn(shape: Shape, colour: str, ratio: float) -> QPixmap:
 GAP = 6  # pixels between the parts
 
 
-class NarrowBar(QWidget):
+class NarrowBar(QtWidgets.QWidget):
     """A bar with groups of parts that it can do without: a narrow bar hides the first, a narrower one the next too."""
 
-    dispensable: tuple[tuple[QWidget, ...], ...] = ()
+    dispensable: tuple[tuple[QtWidgets.QWidget, ...], ...] = ()
 
-    def minimumSizeHint(self) -> QSize:
+    def minimumSizeHint(self) -> QtCore.QSize:
         """Return the size without the parts that a narrow bar hides."""
         whole = super().minimumSizeHint()
         shown = [part for group in self.dispensable for part in group if not part.isHidden()]
-        return QSize(whole.width() - _width_of(shown), whole.height())
+        return QtCore.QSize(whole.width() - _width_of(shown), whole.height())
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Hide what does not fit."""
@@ -226,20 +192,20 @@ class NarrowBar(QWidget):
                 part.setVisible(self.width() >= needed)
 
 
-def _width_of(parts: Iterable[QWidget]) -> int:
+def _width_of(parts: Iterable[QtWidgets.QWidget]) -> int:
     return sum(part.sizeHint().width() + GAP for part in parts)
 
 
 # A label that shows any text as it is. Names from files and devices may look like HTML.
 
 
-class PlainLabel(QLabel):
+class PlainLabel(QtWidgets.QLabel):
     """A label whose text and tooltip are never interpreted as HTML."""
 
     def __init__(self, text: str = "", *, wordWrap: bool = False) -> None:
-        super().__init__(text, textFormat=Qt.TextFormat.PlainText, wordWrap=wordWrap)
+        super().__init__(text, textFormat=QtCore.Qt.TextFormat.PlainText, wordWrap=wordWrap)
 
-    @Slot(str)
+    @QtCore.Slot(str)
     def setToolTip(self, text: str) -> None:
         """Set the tooltip."""
         super().setToolTip(plain_tip(text))
@@ -265,48 +231,48 @@ class ElidedLabel(PlainLabel):
 
     def __init__(self) -> None:
         super().__init__()
-        self.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
+        self.setAlignment(QtCore.Qt.AlignmentFlag.AlignRight | QtCore.Qt.AlignmentFlag.AlignVCenter)
 
-    @Slot(str)
+    @QtCore.Slot(str)
     def setText(self, text: str) -> None:
         """Set the text and the tooltip."""
         if text != self.text():
             super().setText(text)
             self.setToolTip(text)
 
-    def minimumSizeHint(self) -> QSize:
+    def minimumSizeHint(self) -> QtCore.QSize:
         """Return a minimum width of 0."""
-        return QSize(0, super().minimumSizeHint().height())
+        return QtCore.QSize(0, super().minimumSizeHint().height())
 
     def paintEvent(self, event: QPaintEvent) -> None:
         """Draw the shortened text."""
         with QPainter(self) as painter:
             area = self.contentsRect()
-            text = self.fontMetrics().elidedText(self.text(), Qt.TextElideMode.ElideRight, area.width())
+            text = self.fontMetrics().elidedText(self.text(), QtCore.Qt.TextElideMode.ElideRight, area.width())
             painter.drawText(area, self.alignment(), text)
 
 
 # Let the mouse wheel scroll a panel instead of changing the field under the pointer, if the field has no focus.
 
 
-class _WheelFilter(QObject):
+class _WheelFilter(QtCore.QObject):
     """Leaves wheel events to the parent of its widget."""
 
-    def __init__(self, widget: QWidget) -> None:
+    def __init__(self, widget: QtWidgets.QWidget) -> None:
         super().__init__(widget)
         self._widget = widget
 
-    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+    def eventFilter(self, watched: QtCore.QObject, event: QtCore.QEvent) -> bool:
         """Block wheel events of a widget without the focus."""
-        if event.type() is not QEvent.Type.Wheel or self._widget.hasFocus():
+        if event.type() is not QtCore.QEvent.Type.Wheel or self._widget.hasFocus():
             return False
         event.ignore()
         return True
 
 
-def ignore_wheel_without_focus(widget: QWidget) -> None:
+def ignore_wheel_without_focus(widget: QtWidgets.QWidget) -> None:
     """Let a slider, field or list react to the wheel only after a click or the Tab key."""
-    widget.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+    widget.setFocusPolicy(QtCore.Qt.FocusPolicy.StrongFocus)
     widget.installEventFilter(_WheelFilter(widget))
 
 
@@ -315,13 +281,15 @@ def ignore_wheel_without_focus(widget: QWidget) -> None:
 # A value is applied on Enter or when the field loses the focus; incomplete input is not applied.
 
 
-class NumberField(QDoubleSpinBox):
+class NumberField(QtWidgets.QDoubleSpinBox):
     """A number with decimals, in the same format on every system."""
 
     def __init__(self, low: float, high: float, decimals: int = 2, suffix: str = "") -> None:
         super().__init__(decimals=decimals, minimum=low, maximum=high, suffix=suffix)
-        plain = QLocale.c()
-        plain.setNumberOptions(QLocale.NumberOption.OmitGroupSeparator | QLocale.NumberOption.RejectGroupSeparator)
+        plain = QtCore.QLocale.c()
+        plain.setNumberOptions(
+            QtCore.QLocale.NumberOption.OmitGroupSeparator | QtCore.QLocale.NumberOption.RejectGroupSeparator
+        )
         self.setLocale(plain)
         self.setKeyboardTracking(False)
         ignore_wheel_without_focus(self)
@@ -337,19 +305,19 @@ class NumberField(QDoubleSpinBox):
 _SHORT = 8  # characters, minimum width of a list
 
 
-def short_list() -> QComboBox:
+def short_list() -> QtWidgets.QComboBox:
     """Return an empty list that does not widen the panel for a long name."""
-    field = QComboBox()
-    field.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+    field = QtWidgets.QComboBox()
+    field.setSizeAdjustPolicy(QtWidgets.QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
     field.setMinimumContentsLength(_SHORT)
     ignore_wheel_without_focus(field)
     return field
 
 
-def show_names(field: QComboBox, names: Iterable[str], current: str) -> None:
+def show_names(field: QtWidgets.QComboBox, names: Iterable[str], current: str) -> None:
     """Fill a list with names and choose `current` if it is among them."""
     wanted = [*names]
-    with QSignalBlocker(field):
+    with QtCore.QSignalBlocker(field):
         if [field.itemText(k) for k in range(field.count())] != wanted:
             field.clear()
             field.addItems(wanted)
@@ -359,27 +327,27 @@ def show_names(field: QComboBox, names: Iterable[str], current: str) -> None:
 # A slider with a number field for the same value. One drag of the slider is one gesture, and so one undo step.
 
 
-class SliderField(QWidget):
+class SliderField(QtWidgets.QWidget):
     """A slider and a number field for one value between two bounds."""
 
-    changed = Signal(float, object)  # the value, the gesture
+    changed = QtCore.Signal(float, object)  # the value, the gesture
 
     def __init__(self, low: float, high: float, decimals: int, suffix: str, tip: str) -> None:
         super().__init__()
         self._step = 10.0**-decimals
         self._low = low
         self._gesture = object()
-        self.slider = QSlider(Qt.Orientation.Horizontal)
+        self.slider = QtWidgets.QSlider(QtCore.Qt.Orientation.Horizontal)
         self.slider.setRange(0, round((high - low) / self._step))
         self.slider.setPageStep(max(1, self.slider.maximum() // 10))
         ignore_wheel_without_focus(self.slider)
         self.field = NumberField(low, high, decimals, suffix)
         self.field.setSingleStep(self._step)
-        self.field.setSizePolicy(QSizePolicy.Policy.Fixed, QSizePolicy.Policy.Fixed)
+        self.field.setSizePolicy(QtWidgets.QSizePolicy.Policy.Fixed, QtWidgets.QSizePolicy.Policy.Fixed)
         for part in (self.slider, self.field):
             part.setToolTip(tip)
             part.setAccessibleName(tip)
-        row = QHBoxLayout(self)
+        row = QtWidgets.QHBoxLayout(self)
         row.setContentsMargins(0, 0, 0, 0)
         row.addWidget(self.slider, stretch=1)
         row.addWidget(self.field)
@@ -400,21 +368,21 @@ class SliderField(QWidget):
         self._set_both(value)
 
     def _set_both(self, value: float) -> None:
-        with QSignalBlocker(self.slider), QSignalBlocker(self.field):
+        with QtCore.QSignalBlocker(self.slider), QtCore.QSignalBlocker(self.field):
             self.slider.setValue(round((value - self._low) / self._step))
             self.field.setValue(value)
 
-    @Slot()
+    @QtCore.Slot()
     def _begin(self) -> None:
         self._gesture = object()
 
-    @Slot(int)
+    @QtCore.Slot(int)
     def _slid(self, steps: int) -> None:
         if not self.slider.isSliderDown():
             self._begin()  # changed by key or wheel
         self._set(self._low + steps * self._step)
 
-    @Slot(float)
+    @QtCore.Slot(float)
     def _typed(self, value: float) -> None:
         self._begin()
         self._set(value)
@@ -424,29 +392,29 @@ class SliderField(QWidget):
         self.changed.emit(self.field.value(), self._gesture)
 
 
-def text_table(*columns: str) -> QTableWidget:
+def text_table(*columns: str) -> QtWidgets.QTableWidget:
     """Return an empty table of texts with these columns, of which the user can select a row."""
-    table = QTableWidget(0, len(columns))
+    table = QtWidgets.QTableWidget(0, len(columns))
     table.setHorizontalHeaderLabels(columns)
-    table.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
-    table.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
-    table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
+    table.setSelectionBehavior(QtWidgets.QAbstractItemView.SelectionBehavior.SelectRows)
+    table.setSelectionMode(QtWidgets.QAbstractItemView.SelectionMode.SingleSelection)
+    table.setEditTriggers(QtWidgets.QAbstractItemView.EditTrigger.NoEditTriggers)
     table.verticalHeader().hide()
     table.horizontalHeader().setStretchLastSection(True)
     return table
 
 
-def cell(text: str, tip: str = "") -> QTableWidgetItem:
+def cell(text: str, tip: str = "") -> QtWidgets.QTableWidgetItem:
     """Return a cell of a table; its tooltip is `tip`, or else the whole text."""
-    item = QTableWidgetItem(text)
+    item = QtWidgets.QTableWidgetItem(text)
     item.setToolTip(plain_tip(tip or text))
     return item
 
 
 def arranged(
     layout: _Box,
-    *parts: QWidget | QLayout,
-    rest: QWidget | None = None,
+    *parts: QtWidgets.QWidget | QtWidgets.QLayout,
+    rest: QtWidgets.QWidget | None = None,
     margins: tuple[int, int, int, int] = (0, 0, 0, 0),
     gap: int = 0,
 ) -> _Box:
@@ -454,31 +422,34 @@ def arranged(
     layout.setContentsMargins(*margins)
     layout.setSpacing(gap)
     for part in parts:
-        if isinstance(part, QLayout):
+        if isinstance(part, QtWidgets.QLayout):
             layout.addLayout(part)
         else:
             layout.addWidget(part, stretch=int(part is rest))
     return layout
 
 
-def stacked(widget: QWidget, *parts: QWidget | QLayout | tuple[QWidget | None, ...] | None) -> QVBoxLayout:
+def stacked(
+    widget: QtWidgets.QWidget,
+    *parts: QtWidgets.QWidget | QtWidgets.QLayout | tuple[QtWidgets.QWidget | None, ...] | None,
+) -> QtWidgets.QVBoxLayout:
     """Arrange parts one below the other; those of a tuple side by side. A list, a table, or None takes the rest."""
-    column = QVBoxLayout(widget)
+    column = QtWidgets.QVBoxLayout(widget)
     for part in parts:
         if part is None:
             column.addStretch(1)
-        elif isinstance(part, QWidget):
-            column.addWidget(part, stretch=int(isinstance(part, QAbstractItemView)))
-        elif isinstance(part, QLayout):
+        elif isinstance(part, QtWidgets.QWidget):
+            column.addWidget(part, stretch=int(isinstance(part, QtWidgets.QAbstractItemView)))
+        elif isinstance(part, QtWidgets.QLayout):
             column.addLayout(part)
         else:
             column.addLayout(beside(*part))
     return column
 
 
-def beside(*parts: QWidget | None) -> QHBoxLayout:
+def beside(*parts: QtWidgets.QWidget | None) -> QtWidgets.QHBoxLayout:
     """Return parts side by side; None takes the rest."""
-    row = QHBoxLayout()
+    row = QtWidgets.QHBoxLayout()
     for part in parts:
         if part is None:
             row.addStretch(1)
@@ -487,9 +458,9 @@ def beside(*parts: QWidget | None) -> QHBoxLayout:
     return row
 
 
-def button(text: str, tip: str, slot: Callable[..., object] | SignalInstance) -> QPushButton:
+def button(text: str, tip: str, slot: Callable[..., object] | QtCore.SignalInstance) -> QtWidgets.QPushButton:
     """Return a button that runs `slot`, or emits that signal."""
-    made = QPushButton(text)
+    made = QtWidgets.QPushButton(text)
     made.setToolTip(tip)
     made.clicked.connect(slot)
     return made
@@ -498,18 +469,18 @@ def button(text: str, tip: str, slot: Callable[..., object] | SignalInstance) ->
 # Dialogs that are not modal, one at a time in each window.
 
 
-def close_dialogs(window: QWidget, but: QDialog | None = None) -> None:
+def close_dialogs(window: QtWidgets.QWidget, but: QtWidgets.QDialog | None = None) -> None:
     """Close every open dialog of `window`, except `but`."""
-    for dialog in window.findChildren(QDialog):
+    for dialog in window.findChildren(QtWidgets.QDialog):
         if dialog is not but and dialog.isVisible():
             dialog.close()
 
 
-def show_alone(dialog: QDialog) -> None:
+def show_alone(dialog: QtWidgets.QDialog) -> None:
     """Show a dialog, which is deleted when it is closed, and close the others of its window."""
     parent = dialog.parentWidget()
     if parent is not None:
         close_dialogs(parent.window(), but=dialog)
-    dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+    dialog.setAttribute(QtCore.Qt.WidgetAttribute.WA_DeleteOnClose)
     dialog.show()
     dialog.raise_()

@@ -13,34 +13,8 @@ from enum import IntFlag
 from sonarhw.device.protocol import ActionError, Line, ProtocolDevice, RefusalError
 from sonarhw.errors import InputError
 from sonarhw.readings import EchoSource, Ping, PingResult, ScanOrder, Trace
+from sonarhw.wire import messages
 from sonarhw.wire.limits import KEPT_READINGS, MAX_ECHOES, PROTOCOL_MAJOR, PROTOCOL_MINOR
-from sonarhw.wire.messages import (
-    NO_TEMPERATURE,
-    Capabilities,
-    Configure,
-    ConfigureTurntable,
-    Feature,
-    Info,
-    Input,
-    Outcome,
-    ReadingMessage,
-    Refusal,
-    Settings,
-    StartScan,
-    State,
-    Statistics,
-    TraceKind,
-    Turn,
-    TurntableSettings,
-    Wiring,
-    Zero,
-    centidegrees_of,
-    microdegrees_of,
-    microseconds_of,
-    nanoseconds_of,
-    radians_of,
-    seconds_of,
-)
 from sonarhw.wire.readings_of_frames import FAKE_FIRMWARE, scan_order, trace_chunks
 
 # a turntable with a cam that shows on which side of the mark it is, also after a power failure; rad and s
@@ -61,7 +35,7 @@ class Turntable:
 
     def __init__(self, initial_angle: float) -> None:
         """`initial_angle` is the true angle at power-on, rad. The turntable does not report it."""
-        self.zero = Zero.UNKNOWN
+        self.zero = messages.Zero.UNKNOWN
         self.speed = SPEED  # rad/s
         self.settling = SETTLING
         self.sign = 1.0  # -1: the table turns clockwise where it counts counter-clockwise
@@ -74,11 +48,11 @@ class Turntable:
 
     def angle(self, now: float) -> float:
         """Return the reported angle, rad from the zero mark; 0 before it is homed."""
-        return 0.0 if self.zero is Zero.UNKNOWN else self._position(now)
+        return 0.0 if self.zero is messages.Zero.UNKNOWN else self._position(now)
 
     def home(self, now: float, mark: float = 0.0) -> float:
         """Turn to the zero mark at that true angle, and return the time of arrival, s. Then call `confirm_home`."""
-        self.zero = Zero.UNKNOWN
+        self.zero = messages.Zero.UNKNOWN
         self._count_from(self.sign * (self.true_angle(now) - mark), now)
         return self._move(0.0, now, HOMING_SPEED) + SETTLING
 
@@ -86,13 +60,13 @@ class Turntable:
         """Return whether the zero mark is reached. If so, the table is homed and its angle is 0."""
         self._release_if_due(now)
         if self._stuck is None:
-            self.zero, self._slipped, self.origin = Zero.MARK, 0.0, 0.0
-        return self.zero is Zero.MARK
+            self.zero, self._slipped, self.origin = messages.Zero.MARK, 0.0, 0.0
+        return self.zero is messages.Zero.MARK
 
     def set_zero(self, now: float) -> None:
         """Call the present angle 0, without moving."""
         self._count_from(0.0, now)
-        self.zero, self.origin = Zero.HAND, 0.0
+        self.zero, self.origin = messages.Zero.HAND, 0.0
 
     def turn(self, angle: float, now: float) -> float:
         """Turn to `angle`, and return the time when the table has settled there, s."""
@@ -132,7 +106,7 @@ class Turntable:
 
         A zero that was set by hand is not checked.
         """
-        if self.zero is Zero.HAND:
+        if self.zero is messages.Zero.HAND:
             return False
         error = self.error(now)
         counted = self._from, self._to
@@ -143,7 +117,9 @@ class Turntable:
         """Return whether the mark, perhaps inverted, shows another side of zero than the count within half a turn."""
         counted = self._position(now)
         beside = abs(counted) > MISSING
-        return self.zero is Zero.MARK and beside and (marked(self.true_angle(now)) != inverted) != (counted > 0)
+        return (
+            self.zero is messages.Zero.MARK and beside and (marked(self.true_angle(now)) != inverted) != (counted > 0)
+        )
 
     def slip(self, angle: float) -> None:
         """Miss steps: add `angle` (rad) to the difference of true and counted angle."""
@@ -242,23 +218,23 @@ class Wires:
 
     def __init__(self, faults: WiringFault = WiringFault(0)) -> None:
         self.faults = faults
-        self.inverted = Wiring(0)  # and ONE_SWITCH
+        self.inverted = messages.Wiring(0)  # and ONE_SWITCH
         self.proven = False  # whether a Home has succeeded with these settings
 
     @property
     def one_switch(self) -> bool:
         """Whether the table homes by the mark alone."""
-        return Wiring.ONE_SWITCH in self.inverted
+        return messages.Wiring.ONE_SWITCH in self.inverted
 
     @property
     def sign(self) -> float:
         """Direction in which the table turns for a counter-clockwise command: 1 or, clockwise, -1."""
-        return -1.0 if self._wrong(WiringFault.MOTOR_REVERSED, Wiring.MOTOR) else 1.0
+        return -1.0 if self._wrong(WiringFault.MOTOR_REVERSED, messages.Wiring.MOTOR) else 1.0
 
     @property
     def mark_wrong(self) -> bool:
         """Whether the mark is low for the firmware where it should be high."""
-        return self._wrong(WiringFault.MARK_INVERTED, Wiring.MARK)
+        return self._wrong(WiringFault.MARK_INVERTED, messages.Wiring.MARK)
 
     @property
     def motor_connected(self) -> bool:
@@ -269,7 +245,7 @@ class Wires:
         """Return what the board measures of an air temperature, in the unit of messages; None: no thermometer."""
         if self.faults & WiringFault.THERMISTOR_SHORTED:
             return HOTTEST
-        return centidegrees_of(None if self.faults & WiringFault.THERMISTOR_OPEN else celsius)
+        return messages.centidegrees_of(None if self.faults & WiringFault.THERMISTOR_OPEN else celsius)
 
     def arriving(self, result: PingResult) -> PingResult:
         """Return what arrives of a ping."""
@@ -284,21 +260,21 @@ class Wires:
         arrived = (NOISE_ECHO, *times) if self.faults & WiringFault.NOISE_ON_INIT else times
         return arrived[:1] if self.faults & WiringFault.BLNK_OPEN else arrived
 
-    def levels(self, turntable: Turntable, now: float) -> Input:
+    def levels(self, turntable: Turntable, now: float) -> messages.Input:
         """Return the inputs whose pins are high, while the board does not listen."""
         angle = turntable.true_angle(now)
-        levels = Input(0)
+        levels = messages.Input(0)
         if marked(angle) != bool(self.faults & WiringFault.MARK_INVERTED) or self.faults & WiringFault.MARK_OPEN:
-            levels |= Input.MARK
+            levels |= messages.Input.MARK
         if (angle > CAM_ANGLE) != bool(self.faults & WiringFault.CAM_INVERTED) or self.faults & WiringFault.CAM_OPEN:
-            levels |= Input.CAM
+            levels |= messages.Input.CAM
         if self.faults & WiringFault.ECHO_HIGH:
-            levels |= Input.ECHO
+            levels |= messages.Input.ECHO
         return levels
 
     def homing_failure(self) -> str | None:
         """Return why a Home fails with these wires; None if it finds a zero."""
-        cam = self._wrong(WiringFault.CAM_INVERTED, Wiring.CAM)
+        cam = self._wrong(WiringFault.CAM_INVERTED, messages.Wiring.CAM)
         if self.faults & WiringFault.MARK_OPEN:
             return "the zero mark never came; check its wire and the motor"
         if self.faults & WiringFault.CAM_OPEN or cam != (self.sign < 0):
@@ -324,7 +300,7 @@ class Wires:
             return edge, f"moved the wrong way; invert the mark or the motor; {_BEGIN}"
         return edge, None
 
-    def _wrong(self, fault: WiringFault, setting: Wiring) -> bool:
+    def _wrong(self, fault: WiringFault, setting: messages.Wiring) -> bool:
         return bool(self.faults & fault) != bool(self.inverted & setting)
 
 
@@ -394,13 +370,15 @@ class FakeBoard(ProtocolDevice):
         self._tries = 0  # Homes by the mark alone since the last one that succeeded
         self._listening = False
         self._next_ping = 0.0  # s; earliest time of the next ping, so that the echoes of the last one have decayed
-        self._settings = Settings(0, microseconds_of(MAX_LISTEN), microseconds_of(blanking), 0, 343_200)
+        self._settings = messages.Settings(
+            0, messages.microseconds_of(MAX_LISTEN), messages.microseconds_of(blanking), 0, 343_200
+        )
 
     @property
     def busy(self) -> bool:
         """Whether it homes, turns or scans. False while a scan waits for the echo source, which needs real time."""
         running = self._running
-        return running is not None and (running.state is not State.SCANNING or self._ready())
+        return running is not None and (running.state is not messages.State.SCANNING or self._ready())
 
     def temperature(self) -> int:
         """Return the air temperature at the board in the unit of messages."""
@@ -408,12 +386,12 @@ class FakeBoard(ProtocolDevice):
 
     def angle(self, now: float) -> int:
         """Return the angle of the turntable, µdeg."""
-        return microdegrees_of(self._turntable.angle(now))
+        return messages.microdegrees_of(self._turntable.angle(now))
 
-    def info(self, sequence: int) -> Info:
+    def info(self, sequence: int) -> messages.Info:
         """Return the answer to the Hello with that sequence number."""
         board = self._identity
-        return Info(
+        return messages.Info(
             command=sequence,
             major=board.major,
             minor=board.minor,
@@ -427,29 +405,36 @@ class FakeBoard(ProtocolDevice):
             homed=self.zero,
         )
 
-    def capabilities(self, sequence: int) -> Capabilities:
+    def capabilities(self, sequence: int) -> messages.Capabilities:
         """Return the capabilities."""
         rate = self._identity.trace_rate
-        features = Feature.HOME_MARK | Feature.LOST_STEPS | Feature.BLANKING | Feature.REARM
-        features |= Feature.ENVELOPE if rate else Feature(0)
-        features |= Feature(0) if self.temperature() == NO_TEMPERATURE else Feature.THERMOMETER
-        features |= Feature.INPUTS | Feature.WIRING if self.line.minor >= 2 else Feature(0)
-        features |= Feature.ONE_SWITCH if self._wires.one_switch else Feature(0)
-        return Capabilities(
+        features = (
+            messages.Feature.HOME_MARK
+            | messages.Feature.LOST_STEPS
+            | messages.Feature.BLANKING
+            | messages.Feature.REARM
+        )
+        features |= messages.Feature.ENVELOPE if rate else messages.Feature(0)
+        features |= (
+            messages.Feature(0) if self.temperature() == messages.NO_TEMPERATURE else messages.Feature.THERMOMETER
+        )
+        features |= messages.Feature.INPUTS | messages.Feature.WIRING if self.line.minor >= 2 else messages.Feature(0)
+        features |= messages.Feature.ONE_SWITCH if self._wires.one_switch else messages.Feature(0)
+        return messages.Capabilities(
             command=sequence,
             features=features,
             lowest_angle=-self._reach,
             highest_angle=self._reach,
             steps=STEPS,
-            fastest=microdegrees_of(SPEED),
+            fastest=messages.microdegrees_of(SPEED),
             hardest=0,
             backlash=0,
-            longest_listen_us=microseconds_of(MAX_LISTEN),
+            longest_listen_us=messages.microseconds_of(MAX_LISTEN),
             shortest_blanking_us=0,
             shortest_rearm_us=0,
             most_pulses=0,
             most_echoes=MAX_ECHOES,
-            ping_period_us=microseconds_of(PING_PERIOD),
+            ping_period_us=messages.microseconds_of(PING_PERIOD),
             fastest_trace=rate,
             longest_trace=round(MAX_LISTEN * rate),
             fastest_baud=max(self.line.bauds, default=0),
@@ -463,7 +448,7 @@ class FakeBoard(ProtocolDevice):
         return ONE_SWITCH_REACH if self._wires.one_switch else REACH
 
     @property
-    def zero(self) -> Zero:
+    def zero(self) -> messages.Zero:
         """How the zero of the turntable is known."""
         return self._turntable.zero
 
@@ -472,16 +457,16 @@ class FakeBoard(ProtocolDevice):
         self._turntable.set_zero(now)
         self._wires.proven &= not self._wires.one_switch
 
-    def inputs(self, now: float) -> Input:
+    def inputs(self, now: float) -> messages.Input:
         """Return the inputs whose pins are high."""
         return self._wires.levels(self._turntable, now)
 
-    def configure_wiring(self, change: Wiring, inverted: Wiring, now: float) -> Wiring:
+    def configure_wiring(self, change: messages.Wiring, inverted: messages.Wiring, now: float) -> messages.Wiring:
         """Set the wiring, and return what is set. A change makes the zero unknown."""
         if change:
             self._wires.proven = False
             self._wires.inverted = self._wires.inverted & ~change | inverted
-            self._turntable.zero = Zero.UNKNOWN
+            self._turntable.zero = messages.Zero.UNKNOWN
             self._turntable.turn_to(self._wires.sign, now)
         return self._wires.inverted
 
@@ -498,22 +483,22 @@ class FakeBoard(ProtocolDevice):
     def release(self, now: float) -> None:
         """Release the motor. The turntable can then be moved from outside, so it is no longer homed."""
         self._turntable.halt(now)
-        self._turntable.zero = Zero.UNKNOWN
+        self._turntable.zero = messages.Zero.UNKNOWN
 
-    def configure(self, request: Configure, sequence: int) -> Settings:
+    def configure(self, request: messages.Configure, sequence: int) -> messages.Settings:
         """Apply ping settings within the limits of the board, and return those in force. Raises RefusalError."""
-        listen = min(request.listen_us, microseconds_of(MAX_LISTEN))
+        listen = min(request.listen_us, messages.microseconds_of(MAX_LISTEN))
         if listen <= request.blanking_us:
             raise RefusalError(
-                Refusal.OUT_OF_RANGE,
+                messages.Refusal.OUT_OF_RANGE,
                 f"blanking_us is {request.blanking_us}; expected less than the listening time, {listen} us",
             )
         rate = self._identity.trace_rate if request.trace else 0
-        self._settings = Settings(
+        self._settings = messages.Settings(
             sequence,
             listen,
             request.blanking_us,
-            TraceKind.ENVELOPE if rate else TraceKind.NONE,
+            messages.TraceKind.ENVELOPE if rate else messages.TraceKind.NONE,
             request.speed_of_sound,
             echoes=request.echoes,
             rearm_us=request.rearm_us,
@@ -522,12 +507,12 @@ class FakeBoard(ProtocolDevice):
         )
         return self._settings
 
-    def configure_turntable(self, request: ConfigureTurntable, sequence: int) -> TurntableSettings:
+    def configure_turntable(self, request: messages.ConfigureTurntable, sequence: int) -> messages.TurntableSettings:
         """Apply turntable settings and return those in force. The table has no acceleration phase and no backlash."""
-        self._turntable.speed = min(radians_of(request.speed) or SPEED, SPEED)
-        self._turntable.settling = seconds_of(request.settle_us)
-        return TurntableSettings(
-            sequence, microdegrees_of(self._turntable.speed), 0, request.settle_us, request.approach
+        self._turntable.speed = min(messages.radians_of(request.speed) or SPEED, SPEED)
+        self._turntable.settling = messages.seconds_of(request.settle_us)
+        return messages.TurntableSettings(
+            sequence, messages.microdegrees_of(self._turntable.speed), 0, request.settle_us, request.approach
         )
 
     def homing(self, now: float) -> Iterator[float]:
@@ -536,7 +521,7 @@ class FakeBoard(ProtocolDevice):
             yield from self._home_by_mark(now)
             return
         if failure := self._wires.homing_failure():
-            self._turntable.zero = Zero.UNKNOWN
+            self._turntable.zero = messages.Zero.UNKNOWN
             yield now + _HOMING_FAILS_AFTER
             raise ActionError(failure)
         arrival = self._turntable.home(now)
@@ -552,7 +537,7 @@ class FakeBoard(ProtocolDevice):
         mark, failure = self._wires.one_switch_zero(self._turntable.true_angle(now))
         self._wires.proven = False
         if failure:
-            self._turntable.zero = Zero.UNKNOWN
+            self._turntable.zero = messages.Zero.UNKNOWN
             yield now + _HOMING_FAILS_AFTER
             raise ActionError(failure)
         arrival = self._turntable.home(now, mark)
@@ -561,21 +546,21 @@ class FakeBoard(ProtocolDevice):
             raise ActionError("the zero mark was not found; check what blocks the turntable")
         self._tries, self._wires.proven = 0, True
 
-    def turning(self, order: Turn, now: float) -> Iterator[float]:
+    def turning(self, order: messages.Turn, now: float) -> Iterator[float]:
         """Turn to an angle. Raises RefusalError at once."""
         if order.relative > 1:
-            raise RefusalError(Refusal.OUT_OF_RANGE, f"relative is {order.relative}; expected 0 or 1")
+            raise RefusalError(messages.Refusal.OUT_OF_RANGE, f"relative is {order.relative}; expected 0 or 1")
         if order.relative:
             return self._turn(self._jogged(order.angle, now), now)
         self._check_angle(order.angle)
-        return self._turn(radians_of(order.angle), now)
+        return self._turn(messages.radians_of(order.angle), now)
 
-    def scanning(self, order: StartScan, now: float) -> tuple[int, Iterator[float]]:
+    def scanning(self, order: messages.StartScan, now: float) -> tuple[int, Iterator[float]]:
         """Return the number of readings of the whole scan, and the scan. Raises RefusalError at once."""
         if 0 in (order.step, order.headings, order.sweeps, order.pings):
-            raise RefusalError(Refusal.OUT_OF_RANGE, "step, headings, sweeps and pings must not be 0")
+            raise RefusalError(messages.Refusal.OUT_OF_RANGE, "step, headings, sweeps and pings must not be 0")
         if order.in_place > 1 or (order.in_place and order.headings > 1):
-            raise RefusalError(Refusal.OUT_OF_RANGE, "in_place: expected 0, or 1 with one heading")
+            raise RefusalError(messages.Refusal.OUT_OF_RANGE, "in_place: expected 0, or 1 with one heading")
         if order.in_place:
             order = replace(order, start=self.angle(now))
         else:
@@ -585,7 +570,7 @@ class FakeBoard(ProtocolDevice):
         last = order.first + order.count if order.count else scan.readings
         return scan.readings, self._scan(scan, range(order.first, last), now)
 
-    def statistics(self, sequence: int) -> Statistics:
+    def statistics(self, sequence: int) -> messages.Statistics:
         """Return the counters of the device."""
         return replace(super().statistics(sequence), lost_steps=self._lost_steps)
 
@@ -605,22 +590,22 @@ class FakeBoard(ProtocolDevice):
         self._turntable.slip(-microsteps * math.tau / MICROSTEPS)
 
     def _jogged(self, microdegrees: int, now: float) -> float:
-        angle = self._turntable.jogged(radians_of(microdegrees), now)
-        homed = self._turntable.zero is not Zero.UNKNOWN
+        angle = self._turntable.jogged(messages.radians_of(microdegrees), now)
+        homed = self._turntable.zero is not messages.Zero.UNKNOWN
         unknown = ONE_SWITCH_LIMIT if self._wires.one_switch else HOMING_LIMIT
-        limit, origin = (radians_of(self._reach), 0.0) if homed else (unknown, self._turntable.origin)
+        limit, origin = (messages.radians_of(self._reach), 0.0) if homed else (unknown, self._turntable.origin)
         if abs(microdegrees) > MOST_JOG or abs(angle - origin) > limit:
             text = "a jog of at most 10 degrees, within the limits of the cable, is possible"
-            raise RefusalError(Refusal.OUT_OF_RANGE, f"{microdegrees / 1e6:.9g} degrees; {text}")
+            raise RefusalError(messages.Refusal.OUT_OF_RANGE, f"{microdegrees / 1e6:.9g} degrees; {text}")
         return angle
 
     def _check_angle(self, microdegrees: int) -> None:
-        if self._turntable.zero is Zero.UNKNOWN:
-            raise RefusalError(Refusal.NOT_HOMED, "the zero of the turntable is unknown; send Home first")
+        if self._turntable.zero is messages.Zero.UNKNOWN:
+            raise RefusalError(messages.Refusal.NOT_HOMED, "the zero of the turntable is unknown; send Home first")
         if abs(microdegrees) > self._reach:
             reach = self._reach / 1e6
             raise RefusalError(
-                Refusal.OUT_OF_RANGE,
+                messages.Refusal.OUT_OF_RANGE,
                 f"{microdegrees / 1e6:.9g} degrees; the cable winds from -{reach:g} to {reach:g} degrees",
             )
 
@@ -635,15 +620,15 @@ class FakeBoard(ProtocolDevice):
             self._wires.proven &= not self._wires.one_switch
             lost = round(abs(self._turntable.error(now)) * MICROSTEPS / math.tau)
             self._lost_steps += lost
-            self._turntable.zero = Zero.UNKNOWN
+            self._turntable.zero = messages.Zero.UNKNOWN
             text = f"the zero mark is {lost} microsteps from its place; check what blocks the turntable"
-            raise ActionError(text, Outcome.LOST_STEPS)
+            raise ActionError(text, messages.Outcome.LOST_STEPS)
 
     def _scan(self, scan: ScanOrder, numbers: range, now: float) -> Iterator[float]:
         while not self._ready():
             now += _POLL
             yield now
-        listen = seconds_of(self._settings.listen_us)
+        listen = messages.seconds_of(self._settings.listen_us)
         for number in numbers:
             sweep, angle, ping = scan.ping_at(number)
             arrival = now if scan.in_place else self._turntable.turn(angle, now)
@@ -664,17 +649,17 @@ class FakeBoard(ProtocolDevice):
             result = self._wires.arriving(self._echoes.receive(replace(ping, angle=self._turntable.true_angle(fired))))
         except InputError as error:
             raise ActionError(str(error)) from error
-        blanking = seconds_of(self._settings.blanking_us)
+        blanking = messages.seconds_of(self._settings.blanking_us)
         times = [time for time in result.echo_times if blanking <= time <= ping.listen]
-        echoes = rearmed(times, seconds_of(self._settings.rearm_us))[: self._settings.echoes]
-        reading = ReadingMessage(
+        echoes = rearmed(times, messages.seconds_of(self._settings.rearm_us))[: self._settings.echoes]
+        reading = messages.ReadingMessage(
             number=number,
             sweep=ping.sweep,
             ping=ping.index,
-            angle=microdegrees_of(ping.angle),
-            fired_us=microseconds_of(fired),
+            angle=messages.microdegrees_of(ping.angle),
+            fired_us=messages.microseconds_of(fired),
             temperature=self.temperature(),
-            echoes=tuple(nanoseconds_of(time) for time in echoes),
+            echoes=tuple(messages.nanoseconds_of(time) for time in echoes),
         )
         self.report(reading, trace_chunks(number, result.trace) if result.trace is not None and ping.trace else (), now)
 

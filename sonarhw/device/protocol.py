@@ -7,106 +7,54 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Protocol
 
+from sonarhw.wire import limits, messages
 from sonarhw.wire.frames import Frame, FrameDecoder, Rejected, encode_frame
-from sonarhw.wire.limits import (
-    BAUD_TIMEOUT,
-    HEARTBEAT,
-    HOST_SILENCE,
-    KEPT_READINGS,
-    MAX_ECHOES,
-    MAX_TEST,
-    MAX_TESTED,
-    MOST_READINGS,
-    PROTOCOL_MINOR,
-    RECEIVE_ROOM,
-)
-from sonarhw.wire.messages import (
-    BY_TYPE,
-    Accepted,
-    Approach,
-    AskCapabilities,
-    AskStatistics,
-    Capabilities,
-    CommandMessage,
-    Configure,
-    ConfigureTurntable,
-    ConfigureWiring,
-    Finished,
-    Heartbeat,
-    Hello,
-    Home,
-    Info,
-    Input,
-    LinkTested,
-    Message,
-    MessageError,
-    Outcome,
-    ReadingMessage,
-    Refusal,
-    Refused,
-    Resend,
-    ResetCause,
-    SetBaud,
-    Settings,
-    SetZero,
-    Started,
-    StartScan,
-    State,
-    Statistics,
-    Stop,
-    TestLink,
-    TraceChunk,
-    TraceKind,
-    Turn,
-    TurntableSettings,
-    WhenBusy,
-    Wiring,
-    WiringSettings,
-    Zero,
-    microseconds_of,
-)
 
 
 class RefusalError(Exception):
     """The current command must be answered with a refusal."""
 
-    def __init__(self, code: Refusal, text: str) -> None:
+    def __init__(self, code: messages.Refusal, text: str) -> None:
         super().__init__(text)
         self.code, self.text = code, text
 
 
-def _out_of_limits(command: CommandMessage, bauds: tuple[int, ...]) -> str | None:
+def _out_of_limits(command: messages.CommandMessage, bauds: tuple[int, ...]) -> str | None:
     """Return what is out of range in a command for every device, on a line with these `bauds`; None: nothing."""
     match command:
-        case Configure() if command.trace not in [*TraceKind]:
+        case messages.Configure() if command.trace not in [*messages.TraceKind]:
             return f"trace is {command.trace}; expected 0, 1 or 2"
-        case Configure() if command.trace_bits not in (0, 8, 16):
+        case messages.Configure() if command.trace_bits not in (0, 8, 16):
             return f"trace_bits is {command.trace_bits}; expected 0, 8 or 16"
-        case Configure() if not 1 <= command.echoes <= MAX_ECHOES:
-            return f"echoes is {command.echoes}; expected 1 to {MAX_ECHOES}"
-        case Configure(listen_us=0):
+        case messages.Configure() if not 1 <= command.echoes <= limits.MAX_ECHOES:
+            return f"echoes is {command.echoes}; expected 1 to {limits.MAX_ECHOES}"
+        case messages.Configure(listen_us=0):
             return "listen_us is 0; expected a time after blanking_us"
-        case Configure(speed_of_sound=0):
+        case messages.Configure(speed_of_sound=0):
             return "speed_of_sound is 0; expected mm/s above 0"
-        case ConfigureTurntable() if command.approach not in [*Approach]:
+        case messages.ConfigureTurntable() if command.approach not in [*messages.Approach]:
             return f"approach is {command.approach}; expected 0, 1 or 2"
-        case ConfigureWiring(change=change, inverted=inverted) if change > sum(Wiring) or inverted & ~change:
+        case messages.ConfigureWiring(change=change, inverted=inverted) if (
+            change > sum(messages.Wiring) or inverted & ~change
+        ):
             return f"change {change}, inverted {inverted}; expected 0 to 15, and none beyond change"
-        case Resend(count=count) if not 1 <= count <= KEPT_READINGS:
-            return f"{count} readings; expected 1 to {KEPT_READINGS}"
-        case SetBaud() if command.baud not in bauds:
+        case messages.Resend(count=count) if not 1 <= count <= limits.KEPT_READINGS:
+            return f"{count} readings; expected 1 to {limits.KEPT_READINGS}"
+        case messages.SetBaud() if command.baud not in bauds:
             reason = f"expected {', '.join(map(str, bauds))}" if bauds else "the line has no baud rate"
             return f"{command.baud} baud; {reason}"
-        case TestLink(data=data, size=size) if not 1 <= len(data) <= MAX_TEST or size > MAX_TESTED:
-            text = f"data of {len(data)} bytes, size {size}; expected 1 to {MAX_TEST} bytes"
-            return f"{text}, and a size of at most {MAX_TESTED}"
+        case messages.TestLink(data=data, size=size) if (
+            not 1 <= len(data) <= limits.MAX_TEST or size > limits.MAX_TESTED
+        ):
+            text = f"data of {len(data)} bytes, size {size}; expected 1 to {limits.MAX_TEST} bytes"
+            return f"{text}, and a size of at most {limits.MAX_TESTED}"
     return None
 
 
-def readings_to_make(order: StartScan, total: int) -> int:
+def readings_to_make(order: messages.StartScan, total: int) -> int:
     """Return the number of readings that a command requests of a scan of `total`; 0: unknown. Raises RefusalError."""
-    if total > MOST_READINGS:
-        raise _out_of_range(f"{total} readings; expected at most {MOST_READINGS}")
+    if total > limits.MOST_READINGS:
+        raise _out_of_range(f"{total} readings; expected at most {limits.MOST_READINGS}")
     if total == 0:
         return 0
     if order.first >= total:
@@ -118,7 +66,7 @@ def readings_to_make(order: StartScan, total: int) -> int:
 
 
 def _out_of_range(text: str) -> RefusalError:
-    return RefusalError(Refusal.OUT_OF_RANGE, text)
+    return RefusalError(messages.Refusal.OUT_OF_RANGE, text)
 
 
 class Device(Protocol):
@@ -161,16 +109,18 @@ class Line:
     def __init__(self, byte_time: float = BYTE_TIME, bauds: tuple[int, ...] = ()) -> None:
         self.bauds = bauds
         self.first_baud = self.baud = self._next_baud = min(bauds, default=0)
-        self.minor = PROTOCOL_MINOR  # minor protocol version of the messages
+        self.minor = limits.PROTOCOL_MINOR  # minor protocol version of the messages
         self._byte_time = byte_time  # s, for a line without bauds
         self._queue: deque[tuple[float, bytes]] = deque()
         self._sequence = 0
         self.idle_from = 0.0  # time when the last queued frame leaves, s
         self.waiting = 0  # bytes in the queue
 
-    def send(self, message: Message, now: float) -> None:
+    def send(self, message: messages.Message, now: float) -> None:
         """Queue a message. Its frame contains `now`, s."""
-        wire = encode_frame(Frame(message.TYPE, self._sequence, microseconds_of(now), message.pack(self.minor)))
+        wire = encode_frame(
+            Frame(message.TYPE, self._sequence, messages.microseconds_of(now), message.pack(self.minor))
+        )
         self._sequence = (self._sequence + 1) % 0x10000
         self.idle_from = max(now, self.idle_from) + len(wire) * (
             BITS / self._next_baud if self._next_baud else self._byte_time
@@ -211,7 +161,7 @@ BACKLOG = 65_536  # bytes; while more are waiting for the line, commands are dro
 class ActionError(Exception):
     """A running action has failed; the text gives the reason."""
 
-    def __init__(self, text: str, outcome: Outcome = Outcome.FAULT) -> None:
+    def __init__(self, text: str, outcome: messages.Outcome = messages.Outcome.FAULT) -> None:
         super().__init__(text)
         self.outcome = outcome
 
@@ -221,11 +171,11 @@ class _Action:
     """The running or last Home, Turn or StartScan."""
 
     key: tuple[int, int, bytes]  # type, sequence and payload of its command
-    accepted: Message
-    state: State
+    accepted: messages.Message
+    state: messages.State
     wakes: Iterator[float]  # times at which the action continues, s; ends with the action
     due: float = 0.0
-    finished: Finished | None = None
+    finished: messages.Finished | None = None
 
 
 class ProtocolDevice(ABC):
@@ -253,7 +203,7 @@ class ProtocolDevice(ABC):
         self._frames = self._rejected = self._pings = 0
         self._next_heartbeat = 0.0
         self._action: _Action | None = None
-        self._kept: deque[ReadingMessage] = deque(maxlen=KEPT_READINGS)
+        self._kept: deque[messages.ReadingMessage] = deque(maxlen=limits.KEPT_READINGS)
         self._made = 0  # number of the next reading
         self.plug: int | None = 0
         self.speedup = 1.0
@@ -269,11 +219,11 @@ class ProtocolDevice(ABC):
         """Return the angle of the turntable, µdeg."""
 
     @abstractmethod
-    def info(self, sequence: int) -> Info:
+    def info(self, sequence: int) -> messages.Info:
         """Return the answer to the Hello with that sequence number."""
 
     @abstractmethod
-    def configure(self, request: Configure, sequence: int) -> Settings:
+    def configure(self, request: messages.Configure, sequence: int) -> messages.Settings:
         """Apply ping settings and return those in force. Raises RefusalError."""
 
     @abstractmethod
@@ -281,11 +231,11 @@ class ProtocolDevice(ABC):
         """Home the turntable."""
 
     @abstractmethod
-    def turning(self, order: Turn, now: float) -> Iterator[float]:
+    def turning(self, order: messages.Turn, now: float) -> Iterator[float]:
         """Turn to an angle. Raises RefusalError at once, not during the iteration."""
 
     @abstractmethod
-    def scanning(self, order: StartScan, now: float) -> tuple[int, Iterator[float]]:
+    def scanning(self, order: messages.StartScan, now: float) -> tuple[int, Iterator[float]]:
         """Return the number of readings of the whole scan, and the action that makes the requested readings.
 
         It is 0 if it is known only at the end. The action passes the readings to `report`. Raises RefusalError at once,
@@ -296,30 +246,32 @@ class ProtocolDevice(ABC):
     def halt(self, now: float) -> None:
         """Stop the turntable where it is, after an action was stopped."""
 
-    def capabilities(self, sequence: int) -> Capabilities:
+    def capabilities(self, sequence: int) -> messages.Capabilities:
         """Return the capabilities. Raises RefusalError if they are unknown."""
-        raise RefusalError(Refusal.UNKNOWN, "the capabilities of this device are unknown")
+        raise RefusalError(messages.Refusal.UNKNOWN, "the capabilities of this device are unknown")
 
-    def configure_turntable(self, request: ConfigureTurntable, sequence: int) -> TurntableSettings:
+    def configure_turntable(self, request: messages.ConfigureTurntable, sequence: int) -> messages.TurntableSettings:
         """Apply turntable settings and return those in force. Raises RefusalError."""
-        return TurntableSettings(sequence, request.speed, request.acceleration, request.settle_us, request.approach)
+        return messages.TurntableSettings(
+            sequence, request.speed, request.acceleration, request.settle_us, request.approach
+        )
 
     @property
-    def zero(self) -> Zero:
+    def zero(self) -> messages.Zero:
         """How the zero of the turntable is known."""
-        return Zero.MARK
+        return messages.Zero.MARK
 
     def set_zero(self, now: float) -> None:
         """Make the present angle the zero of the turntable. Raises RefusalError."""
-        raise RefusalError(Refusal.UNKNOWN, "this device has no turntable")
+        raise RefusalError(messages.Refusal.UNKNOWN, "this device has no turntable")
 
-    def inputs(self, now: float) -> Input:
+    def inputs(self, now: float) -> messages.Input:
         """Return the inputs whose pins are high."""
-        return Input(0)
+        return messages.Input(0)
 
-    def configure_wiring(self, change: Wiring, inverted: Wiring, now: float) -> Wiring:
+    def configure_wiring(self, change: messages.Wiring, inverted: messages.Wiring, now: float) -> messages.Wiring:
         """Invert switches or motor, and return what is inverted. Raises RefusalError."""
-        raise RefusalError(Refusal.UNKNOWN, "this device has no turntable")
+        raise RefusalError(messages.Refusal.UNKNOWN, "this device has no turntable")
 
     @property
     def listening(self) -> bool:
@@ -335,11 +287,13 @@ class ProtocolDevice(ABC):
         """Release the motor, because the host is silent."""
         self.halt(now)
 
-    def statistics(self, sequence: int) -> Statistics:
+    def statistics(self, sequence: int) -> messages.Statistics:
         """Return the counters of the device."""
-        return Statistics(sequence, self._frames, self._rejected, self._overruns, self._pings, 0, ResetCause.POWER, 0)
+        return messages.Statistics(
+            sequence, self._frames, self._rejected, self._overruns, self._pings, 0, messages.ResetCause.POWER, 0
+        )
 
-    def report(self, reading: ReadingMessage, trace: Iterable[TraceChunk], now: float) -> None:
+    def report(self, reading: messages.ReadingMessage, trace: Iterable[messages.TraceChunk], now: float) -> None:
         """Send a reading and its trace, and keep the reading. Raises MessageError if a value does not fit its field."""
         self.line.send(reading, now)
         self._kept.append(reading)
@@ -365,7 +319,7 @@ class ProtocolDevice(ABC):
         time = self._time(now)
         self._do_due(time)
         if self.listening:
-            room = RECEIVE_ROOM - len(self._held)
+            room = limits.RECEIVE_ROOM - len(self._held)
             self._overruns += max(0, len(data) - room)
             self._held += data[:room]
         else:
@@ -434,8 +388,12 @@ class ProtocolDevice(ABC):
     def _silence_deadline(self) -> float | None:
         """Return the time until which the host may be silent, s; None if its silence is not limited."""
         if self._former_baud is not None:
-            return self._last_frame + BAUD_TIMEOUT * self.speedup
-        return self._last_frame + HOST_SILENCE * self.speedup if self._greeted and self._expects_signs_of_life else None
+            return self._last_frame + limits.BAUD_TIMEOUT * self.speedup
+        return (
+            self._last_frame + limits.HOST_SILENCE * self.speedup
+            if self._greeted and self._expects_signs_of_life
+            else None
+        )
 
     def _do_due(self, now: float) -> None:
         while (due := self._wake()) is not None and due <= now:
@@ -450,10 +408,12 @@ class ProtocolDevice(ABC):
                 self._send_heartbeat(time)
 
     def _send_heartbeat(self, now: float) -> None:
-        state = self._running.state if self._running else State.IDLE
-        beat = Heartbeat(state, self.angle(now), self._made, self.temperature(), self.boot, self.zero, self.inputs(now))
+        state = self._running.state if self._running else messages.State.IDLE
+        beat = messages.Heartbeat(
+            state, self.angle(now), self._made, self.temperature(), self.boot, self.zero, self.inputs(now)
+        )
         self.line.send(beat, now)
-        self._next_heartbeat = now + HEARTBEAT
+        self._next_heartbeat = now + limits.HEARTBEAT
 
     def _handle_silence(self, now: float) -> None:
         if self._former_baud is not None:
@@ -468,15 +428,15 @@ class ProtocolDevice(ABC):
     def _step(self, action: _Action, now: float) -> None:
         try:
             due = next(action.wakes, None)
-        except (MessageError, ActionError) as error:
+        except (messages.MessageError, ActionError) as error:
             # a MessageError means that a value does not fit its message, for example because of the settings
             self.halt(now)
-            where = f"reading {self._made}: " if isinstance(error, MessageError) else ""
-            outcome = error.outcome if isinstance(error, ActionError) else Outcome.FAULT
+            where = f"reading {self._made}: " if isinstance(error, messages.MessageError) else ""
+            outcome = error.outcome if isinstance(error, ActionError) else messages.Outcome.FAULT
             self._finish(action, outcome, now, f"{where}{error}")
             return
         if due is None:
-            self._finish(action, Outcome.DONE, now)
+            self._finish(action, messages.Outcome.DONE, now)
         else:
             action.due = due
         if self._held and not self.listening:
@@ -493,87 +453,91 @@ class ProtocolDevice(ABC):
         try:
             self._carry_out(self._parse(frame), key, now)
         except RefusalError as refusal:
-            self.line.send(Refused(frame.sequence, refusal.code, refusal.text), now)
+            self.line.send(messages.Refused(frame.sequence, refusal.code, refusal.text), now)
 
-    def _parse(self, frame: Frame) -> CommandMessage:
-        kind = BY_TYPE.get(frame.type)
-        if kind is None or not issubclass(kind, CommandMessage) or self.line.minor < kind.SINCE:
-            raise RefusalError(Refusal.UNKNOWN, f"message type 0x{frame.type:02x} is unknown to this firmware")
+    def _parse(self, frame: Frame) -> messages.CommandMessage:
+        kind = messages.BY_TYPE.get(frame.type)
+        if kind is None or not issubclass(kind, messages.CommandMessage) or self.line.minor < kind.SINCE:
+            raise RefusalError(messages.Refusal.UNKNOWN, f"message type 0x{frame.type:02x} is unknown to this firmware")
         try:
             message = kind.unpack(frame.payload)
             # older firmware ignores fields that its version does not have
             message = kind.unpack(message.pack(self.line.minor))
-        except MessageError as error:
-            raise RefusalError(Refusal.MALFORMED, f"{kind.__name__}: {error}") from error
-        if not self._greeted and not isinstance(message, Hello):
-            raise RefusalError(Refusal.NO_HELLO, "send Hello first")
+        except messages.MessageError as error:
+            raise RefusalError(messages.Refusal.MALFORMED, f"{kind.__name__}: {error}") from error
+        if not self._greeted and not isinstance(message, messages.Hello):
+            raise RefusalError(messages.Refusal.NO_HELLO, "send Hello first")
         return message
 
-    def _carry_out(self, message: CommandMessage, key: tuple[int, int, bytes], now: float) -> None:
+    def _carry_out(self, message: messages.CommandMessage, key: tuple[int, int, bytes], now: float) -> None:
         sequence = key[1]
-        if message.WHEN_BUSY is WhenBusy.REFUSED and self._running:
-            raise RefusalError(Refusal.BUSY, f"{self._running.state.name.lower()}; send Stop first")
+        if message.WHEN_BUSY is messages.WhenBusy.REFUSED and self._running:
+            raise RefusalError(messages.Refusal.BUSY, f"{self._running.state.name.lower()}; send Stop first")
         if limit := _out_of_limits(message, self.line.bauds):
             raise _out_of_range(limit)
         match message:
-            case Hello():
+            case messages.Hello():
                 self._greet(message, sequence, now)
-            case Configure():
+            case messages.Configure():
                 self.line.send(self.configure(message, sequence), now)
-            case ConfigureTurntable():
+            case messages.ConfigureTurntable():
                 self.line.send(self.configure_turntable(message, sequence), now)
-            case Home():
-                self._start(_Action(key, Accepted(sequence), State.HOMING, self.homing(now)), now)
-            case Turn():
-                self._start(_Action(key, Accepted(sequence), State.TURNING, self.turning(message, now)), now)
-            case StartScan():
+            case messages.Home():
+                self._start(_Action(key, messages.Accepted(sequence), messages.State.HOMING, self.homing(now)), now)
+            case messages.Turn():
+                self._start(
+                    _Action(key, messages.Accepted(sequence), messages.State.TURNING, self.turning(message, now)), now
+                )
+            case messages.StartScan():
                 total, wakes = self.scanning(message, now)
                 count = readings_to_make(message, total)
                 self._kept.clear()
                 self._made = message.first
-                accepted = Started(sequence, count, message.first)
-                self._start(_Action(key, accepted, State.SCANNING, wakes), now)
-            case Stop():
+                accepted = messages.Started(sequence, count, message.first)
+                self._start(_Action(key, accepted, messages.State.SCANNING, wakes), now)
+            case messages.Stop():
                 self._stop_action(now)
-                self.line.send(Accepted(sequence), now)
-            case Resend():
+                self.line.send(messages.Accepted(sequence), now)
+            case messages.Resend():
                 self._resend(message, sequence, now)
-            case SetZero():
+            case messages.SetZero():
                 self.set_zero(now)
-                self.line.send(Accepted(sequence), now)
-            case ConfigureWiring():
-                inverted = self.configure_wiring(Wiring(message.change), Wiring(message.inverted), now)
-                self.line.send(WiringSettings(sequence, inverted), now)
-            case AskCapabilities():
+                self.line.send(messages.Accepted(sequence), now)
+            case messages.ConfigureWiring():
+                inverted = self.configure_wiring(
+                    messages.Wiring(message.change), messages.Wiring(message.inverted), now
+                )
+                self.line.send(messages.WiringSettings(sequence, inverted), now)
+            case messages.AskCapabilities():
                 self.line.send(self.capabilities(sequence), now)
-            case AskStatistics():
+            case messages.AskStatistics():
                 self.line.send(self.statistics(sequence), now)
-            case SetBaud():
+            case messages.SetBaud():
                 self._set_baud(message, sequence, now)
-            case TestLink():
+            case messages.TestLink():
                 self._test_link(message, sequence, now)
 
-    def _greet(self, hello: Hello, sequence: int, now: float) -> None:
+    def _greet(self, hello: messages.Hello, sequence: int, now: float) -> None:
         self._stop_action(now)
         self._expects_signs_of_life = (hello.major, hello.minor) >= (1, 1) and self.line.minor >= 1
         self._action = None
-        self._greeted, self._next_heartbeat = True, now + HEARTBEAT
+        self._greeted, self._next_heartbeat = True, now + limits.HEARTBEAT
         self.line.send(self.info(sequence), now)
 
-    def _resend(self, request: Resend, sequence: int, now: float) -> None:
-        self.line.send(Accepted(sequence), now)
+    def _resend(self, request: messages.Resend, sequence: int, now: float) -> None:
+        self.line.send(messages.Accepted(sequence), now)
         for reading in self._kept:
             if request.first <= reading.number < request.first + request.count:
                 self.line.send(reading, now)
 
-    def _set_baud(self, request: SetBaud, sequence: int, now: float) -> None:
-        self.line.send(Accepted(sequence), now)
+    def _set_baud(self, request: messages.SetBaud, sequence: int, now: float) -> None:
+        self.line.send(messages.Accepted(sequence), now)
         self._former_baud = self.line.baud
         self.line.change(request.baud)
 
-    def _test_link(self, request: TestLink, sequence: int, now: float) -> None:
+    def _test_link(self, request: messages.TestLink, sequence: int, now: float) -> None:
         repeats = -(-request.size // len(request.data))
-        self.line.send(LinkTested(sequence, (request.data * repeats)[: request.size]), now)
+        self.line.send(messages.LinkTested(sequence, (request.data * repeats)[: request.size]), now)
 
     # home, turn, scan
 
@@ -582,17 +546,19 @@ class ProtocolDevice(ABC):
         self.line.send(action.accepted, now)
         self._step(action, now)
 
-    def _finish(self, action: _Action, outcome: Outcome, now: float, text: str = "") -> None:
-        readings = self._made if action.state == State.SCANNING else 0
-        if isinstance(action.accepted, Started) and not action.accepted.readings:  # their number is known only now
+    def _finish(self, action: _Action, outcome: messages.Outcome, now: float, text: str = "") -> None:
+        readings = self._made if action.state == messages.State.SCANNING else 0
+        if (
+            isinstance(action.accepted, messages.Started) and not action.accepted.readings
+        ):  # their number is known only now
             self.line.send(replace(action.accepted, readings=readings - action.accepted.first), now)
-        action.finished = Finished(action.key[1], outcome, readings, text)
+        action.finished = messages.Finished(action.key[1], outcome, readings, text)
         self.line.send(action.finished, now)
 
     def _stop_action(self, now: float) -> None:
         if self._running:
             self.halt(now)
-            self._finish(self._running, Outcome.STOPPED, now)
+            self._finish(self._running, messages.Outcome.STOPPED, now)
 
     def _repeat_answers(self, action: _Action, now: float) -> None:
         self.line.send(action.accepted, now)

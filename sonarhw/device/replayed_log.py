@@ -14,17 +14,8 @@ from sonarhw.device.protocol import BYTE_TIME, Line, ProtocolDevice
 from sonarhw.errors import InputError
 from sonarhw.log.reader import Log, RecordedScan
 from sonarhw.readings import Reading
+from sonarhw.wire import messages
 from sonarhw.wire.limits import MOST_READINGS, PROTOCOL_MAJOR, PROTOCOL_MINOR
-from sonarhw.wire.messages import (
-    NO_TEMPERATURE,
-    Configure,
-    Info,
-    Settings,
-    StartScan,
-    Turn,
-    millimetres_per_second_of,
-    seconds_of,
-)
 from sonarhw.wire.readings_of_frames import reading_message, trace_chunks
 
 _FASTEST_LINE = 1000  # times the usual speed of a line; a faster one would send a long log at once
@@ -71,7 +62,7 @@ class ReplayDevice(ProtocolDevice):
         self._next = 0
         self._played: RecordedScan | None = None
         self._angle = 0  # µdeg
-        self._temperature = log.info.temperature if log.info else NO_TEMPERATURE
+        self._temperature = log.info.temperature if log.info else messages.NO_TEMPERATURE
         self._settings = self._recorded_settings()
 
     @property
@@ -87,15 +78,17 @@ class ReplayDevice(ProtocolDevice):
         """Return the angle of the newest reading, µdeg."""
         return self._angle
 
-    def info(self, sequence: int) -> Info:
+    def info(self, sequence: int) -> messages.Info:
         """Return the recorded identity."""
         if self._log.info is not None:
             return replace(self._log.info, command=sequence)
-        return Info(sequence, PROTOCOL_MAJOR, PROTOCOL_MINOR, "sonarhw replay", "", "", NO_TEMPERATURE, 0, 0)
+        return messages.Info(
+            sequence, PROTOCOL_MAJOR, PROTOCOL_MINOR, "sonarhw replay", "", "", messages.NO_TEMPERATURE, 0, 0
+        )
 
-    def configure(self, request: Configure, sequence: int) -> Settings:
+    def configure(self, request: messages.Configure, sequence: int) -> messages.Settings:
         """Return the recorded settings of the next scan. The requested ones are ignored."""
-        self._settings = self._recorded_settings() or Settings(
+        self._settings = self._recorded_settings() or messages.Settings(
             sequence, request.listen_us, request.blanking_us, request.trace, request.speed_of_sound
         )
         return replace(self._settings, command=sequence)
@@ -105,12 +98,12 @@ class ReplayDevice(ProtocolDevice):
         self._angle = 0
         return iter(())
 
-    def turning(self, order: Turn, now: float) -> Iterator[float]:
+    def turning(self, order: messages.Turn, now: float) -> Iterator[float]:
         """Turn at once."""
         self._angle = order.angle
         return iter(())
 
-    def scanning(self, order: StartScan, now: float) -> tuple[int, Iterator[float]]:
+    def scanning(self, order: messages.StartScan, now: float) -> tuple[int, Iterator[float]]:
         """Play the next recorded scan; a command for a part of a scan plays a part of the last one."""
         if not self._recordings:
             return 0, iter(())
@@ -130,9 +123,11 @@ class ReplayDevice(ProtocolDevice):
     def _play(self, recording: RecordedScan, numbers: range, start: float) -> Iterator[float]:
         settings = self._settings or recording.settings
         speed_of_sound = (
-            settings.speed_of_sound if settings else millimetres_per_second_of(recording.readings[0].speed_of_sound)
+            settings.speed_of_sound
+            if settings
+            else messages.millimetres_per_second_of(recording.readings[0].speed_of_sound)
         )
-        listen = seconds_of(settings.listen_us) if settings else 0.0
+        listen = messages.seconds_of(settings.listen_us) if settings else 0.0
         sweeps = recording.readings[-1].sweep + 1
         # a part of a scan starts with its first reading, without waiting
         skipped = _offset(recording, numbers[0]) if numbers and numbers[0] else 0.0
@@ -153,7 +148,7 @@ class ReplayDevice(ProtocolDevice):
             self._angle, self._temperature = message.angle, message.temperature
             self.report(message, trace_chunks(number, recorded.trace) if recorded.trace else (), due)
 
-    def _recorded_settings(self) -> Settings | None:
+    def _recorded_settings(self) -> messages.Settings | None:
         if not self._recordings:
             return self._log.settings
         return self._recordings[self._next].settings or self._log.settings

@@ -11,30 +11,9 @@ from collections.abc import Callable
 from sonarhw.errors import CommandRefused, DeviceReset, NoAnswer
 from sonarhw.link import LinkStatistics, smoothed
 from sonarhw.readings import Reading
+from sonarhw.wire import messages
 from sonarhw.wire.frames import DELIMITER, Frame, FrameDecoder, Rejected, decode_block, encode_frame
 from sonarhw.wire.limits import KEPT_READINGS, MOST_READINGS, PROTOCOL_MAJOR
-from sonarhw.wire.messages import (
-    ActionMessage,
-    AnswerMessage,
-    AskStatistics,
-    Capabilities,
-    Finished,
-    Heartbeat,
-    Info,
-    Message,
-    MessageError,
-    ReadingMessage,
-    Refusal,
-    Refused,
-    Resend,
-    Started,
-    StartScan,
-    State,
-    Statistics,
-    TraceChunk,
-    microseconds_of,
-    unpack_message,
-)
 from sonarhw.wire.readings_of_frames import (
     DeviceClock,
     ReadingArrivals,
@@ -63,7 +42,7 @@ def _ignore(received: bool, time: float, wire: bytes) -> None:
 class Command:
     """A command that was sent: its repeats, its answer and, for home, turn and scan, its end."""
 
-    def __init__(self, sequence: int, message: Message, wire: bytes, now: float, tries: int = TRIES) -> None:
+    def __init__(self, sequence: int, message: messages.Message, wire: bytes, now: float, tries: int = TRIES) -> None:
         self.sequence = sequence
         self.message = message
         self.wire = wire  # every repeat has the same bytes, by which the device recognizes it
@@ -72,9 +51,9 @@ class Command:
         self.sent = 1
         self.tries = tries
         self.given_up = False  # unanswered after all tries; the caller handles this if there were fewer than TRIES
-        self.answer: AnswerMessage | None = None
+        self.answer: messages.AnswerMessage | None = None
         self.answered_us = 0  # time of the answer on the device's clock
-        self.finished: Finished | None = None
+        self.finished: messages.Finished | None = None
         self.broken: str | None = None  # clause with the first rule of the protocol that its messages broke
 
     @property
@@ -107,11 +86,11 @@ class Driver:
         self.assembler = ReadingAssembler(clock)
         self._tap = tap or _ignore
         # what the device has sent about itself
-        self.info: Info | None = None
+        self.info: messages.Info | None = None
         self.busy: str | None = None  # reason why the device serves only another host
         self.kept = KEPT_READINGS  # newest readings that the device can send again
-        self.heartbeat: Heartbeat | None = None  # the newest
-        self.device_statistics: Statistics | None = None
+        self.heartbeat: messages.Heartbeat | None = None  # the newest
+        self.device_statistics: messages.Statistics | None = None
         # bytes and frames
         self._decoder = FrameDecoder()
         self._outgoing = bytearray()
@@ -143,20 +122,20 @@ class Driver:
 
     # interface for the caller
 
-    def command(self, message: Message, now: float, tries: int = TRIES) -> Command:
+    def command(self, message: messages.Message, now: float, tries: int = TRIES) -> Command:
         """Send a command. Its `answer` and `finished` are set when they arrive.
 
         Only one Home, Turn or StartScan may run at a time: the caller waits for its end or stops it. A command that is
         not answered after `tries` is `given_up`. If `tries` is TRIES, `advance` also raises NoAnswer. Raises
         MessageError if a value does not fit the message.
         """
-        frame = Frame(message.TYPE, self._sequence, max(0, microseconds_of(now)), message.pack())
+        frame = Frame(message.TYPE, self._sequence, max(0, messages.microseconds_of(now)), message.pack())
         self._sequence = (self._sequence + 1) % 0x10000
         command = Command(frame.sequence, message, encode_frame(frame), now, tries)
         self._open[command.sequence] = command
         if self._last_byte is None:
             self._last_byte = self._last_message = now
-        if isinstance(message, ActionMessage):
+        if isinstance(message, messages.ActionMessage):
             self._begin(command)
         self._send(command, now)
         return command
@@ -260,31 +239,31 @@ class Driver:
         self._count_gap(frame.sequence)
         self._device_time = frame.time_us
         # before its Info a device may still send frames of an earlier conversation, which are ignored
-        if self.info is not None or frame.type == Info.TYPE:
+        if self.info is not None or frame.type == messages.Info.TYPE:
             self._tap(True, self._arrived, wire)
         try:
-            message = unpack_message(frame.type, frame.payload)
-        except MessageError:
+            message = messages.unpack_message(frame.type, frame.payload)
+        except messages.MessageError:
             self._count(rejected_messages=1)
             return
         if message is not None:
             self._handle(message, now)
 
-    def _handle(self, message: Message, now: float) -> None:
-        if not isinstance(message, AnswerMessage):
+    def _handle(self, message: messages.Message, now: float) -> None:
+        if not isinstance(message, messages.AnswerMessage):
             self._last_message = now
         match message:
-            case ReadingMessage():
+            case messages.ReadingMessage():
                 if not self._expects(message) or not self._arrivals.arrived(message.number):
                     return
                 if self._breaks_rules(message):
                     return
-            case TraceChunk():
+            case messages.TraceChunk():
                 if self._action is None:
                     return
-            case Finished():
+            case messages.Finished():
                 self._finish(message)
-            case Heartbeat():
+            case messages.Heartbeat():
                 self.heartbeat = message
                 self._check_reset(message)
                 self._check_heartbeat(message, now)
@@ -293,59 +272,59 @@ class Driver:
                     return
         self._readings += self.assembler.feed(message, self._device_time, self._arrived)
 
-    def _answered(self, message: Message, now: float) -> bool:
-        if self.info is None and isinstance(message, Refused) and message.code == Refusal.BUSY:
+    def _answered(self, message: messages.Message, now: float) -> bool:
+        if self.info is None and isinstance(message, messages.Refused) and message.code == messages.Refusal.BUSY:
             self.busy = message.text
         # unmatched answers, such as those to commands of an earlier conversation, are ignored
-        command = self._open.pop(message.command, None) if isinstance(message, AnswerMessage) else None
-        if command is None or not isinstance(message, AnswerMessage):
+        command = self._open.pop(message.command, None) if isinstance(message, messages.AnswerMessage) else None
+        if command is None or not isinstance(message, messages.AnswerMessage):
             return False
         self._last_message = now
         command.answer, command.answered_us = message, self._device_time
         match message:
-            case Info():
+            case messages.Info():
                 self.info = message
-            case Capabilities():
+            case messages.Capabilities():
                 self.kept = max(1, min(message.readings_kept, KEPT_READINGS))
                 self._checked = True
-            case Statistics():
+            case messages.Statistics():
                 self.device_statistics = message
                 self._round_trip = smoothed(self._round_trip, now - command.sent_at)
-            case Started():
+            case messages.Started():
                 self._started(command, message)
-            case Refused():
+            case messages.Refused():
                 self._refused(command, message)
         if command is self._resend:
             self._resend, self._resend_at = None, now + ASK_AGAIN
-            if isinstance(message, Refused):
+            if isinstance(message, messages.Refused):
                 self._arrivals.give_up()
         return True
 
-    def _started(self, command: Command, message: Started) -> None:
-        if self._checked and isinstance(command.message, StartScan):
+    def _started(self, command: Command, message: messages.Started) -> None:
+        if self._checked and isinstance(command.message, messages.StartScan):
             command.broken = command.broken or broken_start_rule(command.message, message)
         else:  # a replayed log plays its own readings, even if another sector was requested
             self._arrivals.total = message.first + message.readings if message.readings else MOST_READINGS
 
-    def _breaks_rules(self, message: ReadingMessage) -> bool:
+    def _breaks_rules(self, message: messages.ReadingMessage) -> bool:
         """Check a reading. The first broken rule is stored in the command, which the caller must then end."""
         action, fired, broken = self._action, self._fired, None
         self._fired = message.fired_us, message.number
         if fired and fired[0] == message.fired_us and fired[1] != message.number:
             broken = f"readings {fired[1]} and {message.number} have the same fired_us; the device clock must not stop"
-        elif self._checked and action and isinstance(action.message, StartScan) and self.info:
+        elif self._checked and action and isinstance(action.message, messages.StartScan) and self.info:
             broken = broken_reading_rule(message, action.message, self.assembler.settings, self.info.microsteps)
         if action and broken:
             action.broken = action.broken or broken
         return broken is not None
 
-    def _refused(self, command: Command, message: Refused) -> None:
+    def _refused(self, command: Command, message: messages.Refused) -> None:
         if self._action is command:
             self._action = None
-        if message.code == Refusal.NO_HELLO and self.info is not None:
+        if message.code == messages.Refusal.NO_HELLO and self.info is not None:
             raise DeviceReset(f"{self.where}: refuses commands until Hello; it has restarted")
 
-    def _check_reset(self, message: Heartbeat) -> None:
+    def _check_reset(self, message: messages.Heartbeat) -> None:
         ran_back = self._device_time < self._newest_beat
         self._newest_beat = self._device_time
         if self.info is not None and (ran_back or message.boot != self.info.boot):
@@ -357,35 +336,37 @@ class Driver:
         self._action, self._action_since, self._repeats_for_finish = command, self._device_time, 0
         order = command.message
         self._lost_before += self._arrivals.lost
-        self._arrivals = self._expected(order) if isinstance(order, StartScan) else ReadingArrivals(0)
+        self._arrivals = self._expected(order) if isinstance(order, messages.StartScan) else ReadingArrivals(0)
         self._fired = None
         if self._resend:
             self.forget(self._resend)
         self._resend = None
         self._readings.clear()
 
-    def _expected(self, order: StartScan) -> ReadingArrivals:
+    def _expected(self, order: messages.StartScan) -> ReadingArrivals:
         total = order.headings * order.sweeps * order.pings
         return ReadingArrivals(order.first + order.count if order.count else total, order.first, self.kept)
 
-    def _expects(self, message: ReadingMessage) -> bool:
+    def _expects(self, message: messages.ReadingMessage) -> bool:
         # a reading of an earlier scan may arrive after the next scan was requested; it is ignored
         return self._action is not None and message.fired_us >= self._action_since
 
-    def _finish(self, message: Finished) -> None:
+    def _finish(self, message: messages.Finished) -> None:
         action = self._action
         if action is None or message.command != action.sequence:
             return
         action.finished = message  # if its answer was lost, the command is still repeated until the answer arrives
         self._arrivals.device_made(message.readings)
 
-    def _check_heartbeat(self, message: Heartbeat, now: float) -> None:
+    def _check_heartbeat(self, message: messages.Heartbeat, now: float) -> None:
         action = self._action
         if action is None or action.answer is None or action.finished is not None:
             return
-        if isinstance(action.message, StartScan):
+        if isinstance(action.message, messages.StartScan):
             self._arrivals.device_made(message.readings)
-        if message.state == State.IDLE:  # Finished was lost; the device sends it again when the command is repeated
+        if (
+            message.state == messages.State.IDLE
+        ):  # Finished was lost; the device sends it again when the command is repeated
             self._repeats_for_finish += 1
             if self._repeats_for_finish > ASKS:
                 raise NoAnswer(f"{self.where}: is idle but sends no Finished for {action.name}; start it again")
@@ -400,7 +381,7 @@ class Driver:
             return
         if self._resend is None and now >= self._resend_at and (wanted := self._arrivals.request(ASKS)):
             self._count(resends=1)
-            self._resend = self.command(Resend(*wanted), now)
+            self._resend = self.command(messages.Resend(*wanted), now)
 
     # sent commands, silence, counts
 
@@ -428,7 +409,7 @@ class Driver:
 
     def _send_sign_of_life(self, now: float) -> None:
         if self._needs_signs_of_life and now >= self._last_sent + SIGN_OF_LIFE:
-            self.command(AskStatistics(), now, tries=1)
+            self.command(messages.AskStatistics(), now, tries=1)
 
     def _check_silence(self, now: float) -> None:
         if self._last_byte is None or self.info is None:  # a device sends nothing before Hello
@@ -451,6 +432,6 @@ class Driver:
 
 def raise_if_refused(command: Command, where: str) -> None:
     """Raise CommandRefused if the device refused the command."""
-    if isinstance(command.answer, Refused):
+    if isinstance(command.answer, messages.Refused):
         text = command.answer.text
         raise CommandRefused(f"{where}: refused {command.name}: {text}", command.answer.code)

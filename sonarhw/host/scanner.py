@@ -20,64 +20,17 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol, TypeAlias, TypeVar
 
-from sonarhw import files
-from sonarhw.errors import (
-    DeviceError,
-    Incompatible,
-    InputError,
-    LinkError,
-    LinkLost,
-    NoAnswer,
-    SonarError,
-    WrongDevice,
-    counted_are,
-)
-from sonarhw.host.scripts import (
-    Job,
-    configuring,
-    configuring_turntable,
-    configuring_wiring,
-    homing,
-    jogging,
-    requesting,
-    scanning,
-    turning,
-    zeroing,
-)
+from sonarhw import errors, files
+from sonarhw.host import scripts
+from sonarhw.host.scripts import turning
 from sonarhw.host.session import PATIENCE, RECONNECT, Connection, Recorder, Session
 from sonarhw.link import MOST, Link, LinkStatistics, PortFinder
 from sonarhw.log import LogWriter
 from sonarhw.plugins.plugin_device import PluginLink
 from sonarhw.readings import Reading, ScanOrder, sector
 from sonarhw.sound_speed import ScanAir
+from sonarhw.wire import messages
 from sonarhw.wire.limits import MAX_ECHOES
-from sonarhw.wire.messages import (
-    Approach,
-    AskStatistics,
-    Capabilities,
-    Configure,
-    ConfigureTurntable,
-    ConfigureWiring,
-    Feature,
-    Info,
-    Input,
-    Outcome,
-    Settings,
-    Statistics,
-    Stop,
-    TraceKind,
-    Turn,
-    TurntableSettings,
-    Wiring,
-    WiringSettings,
-    degrees_c,
-    microdegrees_of,
-    microseconds_of,
-    millimetres_per_second_of,
-    radians_of,
-    seconds_of,
-    sound_speed_of,
-)
 from sonarhw.wire.readings_of_frames import start_scan
 
 # identity, capabilities and settings of a device, in SI units
@@ -87,7 +40,7 @@ from sonarhw.wire.readings_of_frames import start_scan
 class DeviceCapabilities:
     """The capabilities of a device."""
 
-    features: Feature
+    features: messages.Feature
     lowest_angle: float  # rad; limit of the cable
     highest_angle: float  # rad
     steps: int  # full motor steps per turn of the table; 0: unknown
@@ -145,17 +98,17 @@ class TurnSettings:
     speed: float  # rad/s
     acceleration: float  # rad/s²; 0: unknown
     settling: float  # s
-    approach: Approach
+    approach: messages.Approach
 
 
-def device_info(info: Info, capabilities: Capabilities | None) -> DeviceInfo:
+def device_info(info: messages.Info, capabilities: messages.Capabilities | None) -> DeviceInfo:
     """Return identity and capabilities in SI units."""
     return DeviceInfo(
         firmware=info.firmware,
         protocol=(info.major, info.minor),
         serial=info.serial,
         board=info.board,
-        temperature_c=degrees_c(info.temperature),
+        temperature_c=messages.degrees_c(info.temperature),
         trace_rate=float(info.trace_rate),
         microsteps=info.microsteps,
         boot=info.boot,
@@ -163,47 +116,47 @@ def device_info(info: Info, capabilities: Capabilities | None) -> DeviceInfo:
     )
 
 
-def ping_settings(settings: Settings) -> PingSettings:
+def ping_settings(settings: messages.Settings) -> PingSettings:
     """Return the ping settings in SI units."""
     return PingSettings(
-        listen=seconds_of(settings.listen_us),
-        blanking=seconds_of(settings.blanking_us),
+        listen=messages.seconds_of(settings.listen_us),
+        blanking=messages.seconds_of(settings.blanking_us),
         trace=bool(settings.trace),
-        speed_of_sound=sound_speed_of(settings.speed_of_sound),
-        carrier=settings.trace == TraceKind.CARRIER,
+        speed_of_sound=messages.sound_speed_of(settings.speed_of_sound),
+        carrier=settings.trace == messages.TraceKind.CARRIER,
         pulses=settings.pulses,
         echoes=settings.echoes,
-        rearm=seconds_of(settings.rearm_us),
+        rearm=messages.seconds_of(settings.rearm_us),
         trace_rate=float(settings.trace_rate),
         trace_bits=settings.trace_bits,
     )
 
 
-def turn_settings(settings: TurntableSettings) -> TurnSettings:
+def turn_settings(settings: messages.TurntableSettings) -> TurnSettings:
     """Return the turntable settings in SI units."""
     return TurnSettings(
-        speed=radians_of(settings.speed),
-        acceleration=radians_of(settings.acceleration),
-        settling=seconds_of(settings.settle_us),
-        approach=Approach(settings.approach),
+        speed=messages.radians_of(settings.speed),
+        acceleration=messages.radians_of(settings.acceleration),
+        settling=messages.seconds_of(settings.settle_us),
+        approach=messages.Approach(settings.approach),
     )
 
 
-def _capabilities(message: Capabilities) -> DeviceCapabilities:
+def _capabilities(message: messages.Capabilities) -> DeviceCapabilities:
     return DeviceCapabilities(
-        features=Feature(message.features),
-        lowest_angle=radians_of(message.lowest_angle),
-        highest_angle=radians_of(message.highest_angle),
+        features=messages.Feature(message.features),
+        lowest_angle=messages.radians_of(message.lowest_angle),
+        highest_angle=messages.radians_of(message.highest_angle),
         steps=message.steps,
-        fastest=radians_of(message.fastest),
-        hardest=radians_of(message.hardest),
-        backlash=radians_of(message.backlash),
-        longest_listen=seconds_of(message.longest_listen_us),
-        shortest_blanking=seconds_of(message.shortest_blanking_us),
-        shortest_rearm=seconds_of(message.shortest_rearm_us),
+        fastest=messages.radians_of(message.fastest),
+        hardest=messages.radians_of(message.hardest),
+        backlash=messages.radians_of(message.backlash),
+        longest_listen=messages.seconds_of(message.longest_listen_us),
+        shortest_blanking=messages.seconds_of(message.shortest_blanking_us),
+        shortest_rearm=messages.seconds_of(message.shortest_rearm_us),
         most_pulses=message.most_pulses,
         most_echoes=message.most_echoes,
-        ping_period=seconds_of(message.ping_period_us),
+        ping_period=messages.seconds_of(message.ping_period_us),
         fastest_trace=float(message.fastest_trace),
         longest_trace=message.longest_trace,
         fastest_baud=message.fastest_baud,
@@ -259,8 +212,8 @@ class ExclusiveUse:
         """Allow sequences again."""
         self._lock.release()
 
-    def _busy(self) -> DeviceError:
-        return DeviceError(f"{self._url}: is busy; stop it or wait until it has finished")
+    def _busy(self) -> errors.DeviceError:
+        return errors.DeviceError(f"{self._url}: is busy; stop it or wait until it has finished")
 
 
 MOST_WAITING = 1024  # readings; about 100 s at 10 pings a second
@@ -316,7 +269,7 @@ class LinkThread:
     def check(self) -> None:
         """Raise LinkLost after `close`, or the error that ended the thread."""
         if self.closed:
-            raise LinkLost(f"{self._url}: the scanner was closed")
+            raise errors.LinkLost(f"{self._url}: the scanner was closed")
         if self._defect:
             raise self._defect
 
@@ -356,7 +309,7 @@ class LinkThread:
                 return None
         try:
             link = self._open(self.now)
-        except (LinkError, InputError) as error:
+        except (errors.LinkError, errors.InputError) as error:
             with self.changed:
                 self._session.open_failed(error, self.now())
                 self.changed.notify_all()
@@ -374,7 +327,7 @@ class LinkThread:
                 return link
             begun = self.now()
             data = link.read()
-        except LinkError as error:
+        except errors.LinkError as error:
             link.close()
             with self.changed:
                 self._session.broke(error, self.now())
@@ -447,7 +400,7 @@ class Scanner:
         self.url = url
         self._on_close = on_close
         self._session = session
-        self._scan: Job | None = None
+        self._scan: scripts.Job | None = None
         self._use = ExclusiveUse(url)
         self._plugin = plugin
         if plugin:
@@ -508,7 +461,7 @@ class Scanner:
             return self._session.state
 
     @property
-    def loss(self) -> SonarError | None:
+    def loss(self) -> errors.SonarError | None:
         """Reason of a loss, while the scanner waits for the device; None while it is connected."""
         with self._changed:
             return self._session.loss
@@ -523,7 +476,7 @@ class Scanner:
         """Identity and capabilities of the device. Protocol 0.0 is that of a plug-in: it does not speak this one."""
         info = self._session.device.info
         if info is None:
-            raise NoAnswer(f"{self.url}: has not sent Info")
+            raise errors.NoAnswer(f"{self.url}: has not sent Info")
         stated = device_info(info, self._session.device.capabilities)
         return replace(stated, protocol=(0, 0)) if self._plugin else stated
 
@@ -589,7 +542,7 @@ class Scanner:
         self,
         listen: float = 0.0625,
         blanking: float = 0.00238,
-        trace: bool | TraceKind = False,
+        trace: bool | messages.TraceKind = False,
         speed_of_sound: float | None = None,
         *,
         pulses: int = 0,
@@ -609,25 +562,25 @@ class Scanner:
         """
         if speed_of_sound is None:
             speed_of_sound = ScanAir().speed_of_sound(self.info.temperature_c)
-        request = Configure(
-            listen_us=microseconds_of(listen),
-            blanking_us=microseconds_of(blanking),
+        request = messages.Configure(
+            listen_us=messages.microseconds_of(listen),
+            blanking_us=messages.microseconds_of(blanking),
             trace=int(trace),
-            speed_of_sound=millimetres_per_second_of(speed_of_sound),
+            speed_of_sound=messages.millimetres_per_second_of(speed_of_sound),
             pulses=pulses,
             echoes=echoes,
-            rearm_us=microseconds_of(rearm),
+            rearm_us=messages.microseconds_of(rearm),
             trace_rate=round(trace_rate),
             trace_bits=trace_bits,
         )
-        return ping_settings(self._answer(configuring(request), Settings))
+        return ping_settings(self._answer(scripts.configuring(request), messages.Settings))
 
     def configure_turntable(
         self,
         speed: float = 0.0,
         acceleration: float = 0.0,
         settling: float = 0.020,
-        approach: Approach = Approach.EITHER,
+        approach: messages.Approach = messages.Approach.EITHER,
     ) -> TurnSettings:
         """Set speed (rad/s), acceleration (rad/s²), settling time (s) and the side from which to approach an angle.
 
@@ -635,43 +588,48 @@ class Scanner:
         `configure` raises.
         """
         self._refuse_at_plugin(_NO_TURNTABLE)
-        request = ConfigureTurntable(
-            microdegrees_of(speed), microdegrees_of(acceleration), microseconds_of(settling), int(approach)
+        request = messages.ConfigureTurntable(
+            messages.microdegrees_of(speed),
+            messages.microdegrees_of(acceleration),
+            messages.microseconds_of(settling),
+            int(approach),
         )
-        return turn_settings(self._answer(configuring_turntable(request), TurntableSettings))
+        return turn_settings(self._answer(scripts.configuring_turntable(request), messages.TurntableSettings))
 
-    def configure_wiring(self, change: Wiring = Wiring(0), inverted: Wiring = Wiring(0)) -> Wiring:
+    def configure_wiring(
+        self, change: messages.Wiring = messages.Wiring(0), inverted: messages.Wiring = messages.Wiring(0)
+    ) -> messages.Wiring:
         """Set what is in `change` and `inverted`, clear the rest of `change`, and return what is set.
 
         Wiring.ONE_SWITCH chooses homing by the mark alone. The other parts are inverted. The device keeps this over a
         restart. A change makes the zero unknown. Raises DeviceError if the firmware is too old, CommandRefused,
         NoAnswer, LinkLost.
         """
-        request = ConfigureWiring(int(change), int(inverted & change))
-        return Wiring(self._answer(configuring_wiring(request), WiringSettings).inverted)
+        request = messages.ConfigureWiring(int(change), int(inverted & change))
+        return messages.Wiring(self._answer(scripts.configuring_wiring(request), messages.WiringSettings).inverted)
 
-    def inputs(self) -> Input | None:
+    def inputs(self) -> messages.Input | None:
         """Return the inputs whose pins are high now; None if the device does not report them.
 
         Waits for the next heartbeat. Raises NoAnswer, LinkLost.
         """
         capabilities = self.info.capabilities
-        if capabilities is None or Feature.INPUTS not in capabilities.features:
+        if capabilities is None or messages.Feature.INPUTS not in capabilities.features:
             return None
         with self._changed:
             newest = self._session.heartbeat
             until = time.monotonic() + _HEARTBEAT_WITHIN
             while (beat := self._session.heartbeat) is None or beat is newest:
                 if time.monotonic() > until:
-                    raise NoAnswer(f"{self.url}: no heartbeat for {_HEARTBEAT_WITHIN:g} s; check the cable")
+                    raise errors.NoAnswer(f"{self.url}: no heartbeat for {_HEARTBEAT_WITHIN:g} s; check the cable")
                 self._thread.wait()
-        return Input(beat.inputs)
+        return messages.Input(beat.inputs)
 
-    def device_statistics(self) -> Statistics:
+    def device_statistics(self) -> messages.Statistics:
         """Return the counters of the device since it started. Raises CommandRefused if its firmware is too old."""
-        return self._answer(requesting(AskStatistics()), Statistics)
+        return self._answer(scripts.requesting(messages.AskStatistics()), messages.Statistics)
 
-    def home(self, here: bool = False) -> Outcome:
+    def home(self, here: bool = False) -> messages.Outcome:
         """Home the turntable, or with `here` make its present angle the zero. Returns DONE, or STOPPED after `stop`.
 
         Raises DeviceError if homing fails or the firmware is too old for `here`, InputError for `here` at a device of a
@@ -679,17 +637,17 @@ class Scanner:
         """
         if here:
             self._refuse_at_plugin("the zero of this device cannot be set by a command")
-        return self._outcome(zeroing() if here else homing())
+        return self._outcome(scripts.zeroing() if here else scripts.homing())
 
-    def turn(self, angle: float) -> Outcome:
+    def turn(self, angle: float) -> messages.Outcome:
         """Turn to `angle`, rad, and home first if needed. Returns and raises what `home` does."""
         self._refuse_at_plugin(_NO_TURNTABLE)
-        return self._outcome(turning(Turn(microdegrees_of(angle))))
+        return self._outcome(turning(messages.Turn(messages.microdegrees_of(angle))))
 
-    def jog(self, angle: float) -> Outcome:
+    def jog(self, angle: float) -> messages.Outcome:
         """Turn by `angle`, rad, at most 10 degrees, without homing. Returns and raises what `home` does."""
         self._refuse_at_plugin(_NO_TURNTABLE)
-        return self._outcome(jogging(Turn(microdegrees_of(angle), relative=1)))
+        return self._outcome(scripts.jogging(messages.Turn(messages.microdegrees_of(angle), relative=1)))
 
     def scan(self, order: ScanOrder | None = None) -> Iterator[Reading]:
         """Scan, and yield each reading once when it is complete. A reading that was sent again may be out of order.
@@ -700,7 +658,7 @@ class Scanner:
         readings, if the mark is misplaced.
         """
         with self._use.action():
-            self._scan = job = self._begin(scanning(start_scan(order or sector())))
+            self._scan = job = self._begin(scripts.scanning(start_scan(order or sector())))
             try:
                 while ready := self._next_readings(job):
                     yield from ready
@@ -725,8 +683,8 @@ class Scanner:
             try:
                 self._use.stop_wanted = False
                 if (lost := self._session.loss) is not None:
-                    raise LinkLost(str(lost))
-                self._perform(requesting(Stop()))
+                    raise errors.LinkLost(str(lost))
+                self._perform(scripts.requesting(messages.Stop()))
             finally:
                 self._use.release()
 
@@ -737,7 +695,7 @@ class Scanner:
         """
         if self._thread.closed:
             return
-        with suppress(SonarError), self._changed:
+        with suppress(errors.SonarError), self._changed:
             job = self._session.job
             if job is not None:
                 self._abandon(job)
@@ -750,7 +708,7 @@ class Scanner:
 
     def _refuse_at_plugin(self, reason: str) -> None:
         if self._plugin:
-            raise InputError(f"{self.url}: {reason}")
+            raise errors.InputError(f"{self.url}: {reason}")
 
     def _record_bytes(self, time: float, data: bytes) -> None:
         with self._changed:
@@ -758,18 +716,18 @@ class Scanner:
 
     # jobs
 
-    def _answer(self, job: Job, expected: type[T]) -> T:
+    def _answer(self, job: scripts.Job, expected: type[T]) -> T:
         with self._use.action():
             answer = self._perform(job)
         if job.stop_wanted or not isinstance(answer, expected):
-            raise DeviceError(f"{self.url}: was stopped before it answered; send the request again")
+            raise errors.DeviceError(f"{self.url}: was stopped before it answered; send the request again")
         return answer
 
-    def _outcome(self, job: Job) -> Outcome:
+    def _outcome(self, job: scripts.Job) -> messages.Outcome:
         with self._use.action():
-            return Outcome(self._perform(job))
+            return messages.Outcome(self._perform(job))
 
-    def _perform(self, job: Job) -> Any:
+    def _perform(self, job: scripts.Job) -> Any:
         self._begin(job)
         try:
             with self._changed:
@@ -780,7 +738,7 @@ class Scanner:
         _raise_error(job)
         return job.result
 
-    def _begin(self, job: Job) -> Job:
+    def _begin(self, job: scripts.Job) -> scripts.Job:
         with self._changed:
             self._thread.check()
             job.stop_wanted = self._use.stop_wanted  # between two actions of a sequence
@@ -790,7 +748,7 @@ class Scanner:
             self._thread.wake()
             return job
 
-    def _next_readings(self, job: Job) -> list[Reading]:
+    def _next_readings(self, job: scripts.Job) -> list[Reading]:
         """Wait for readings and return them. Empty when the scan has ended."""
         with self._changed:
             while not job.readings and not job.done:
@@ -800,7 +758,7 @@ class Scanner:
             self._changed.notify_all()
             return ready
 
-    def _abandon(self, job: Job) -> None:
+    def _abandon(self, job: scripts.Job) -> None:
         """Stop a job that still runs, and wait up to _STOP_WITHIN for its end. Its readings are still recorded."""
         until = time.monotonic() + _STOP_WITHIN
         with self._changed:
@@ -814,7 +772,7 @@ class Scanner:
 PluginScanner = Scanner  # deprecated name of a scanner with the device of a plug-in
 
 
-def _raise_error(job: Job) -> None:
+def _raise_error(job: scripts.Job) -> None:
     if job.error is not None:
         raise job.error
 
@@ -827,7 +785,7 @@ def probe_port(url: str, patience: float = _PROBE_WITHIN) -> tuple[bool, str]:
     try:
         with Scanner.open(url, patience=patience) as scanner:
             return True, f"scanner {scanner.info.serial}, {scanner.info.firmware}"
-    except SonarError as error:
+    except errors.SonarError as error:
         return False, f"no scanner: {str(error).removeprefix(f'{url}: ')}"
 
 
@@ -860,7 +818,7 @@ class ScanWatcher(Protocol):
         """Receive a warning that does not end the scan."""
 
 
-def record_scan(scanner: Scanner, plan: ScanPlan, log: LogWriter | None, watcher: ScanWatcher) -> Outcome:
+def record_scan(scanner: Scanner, plan: ScanPlan, log: LogWriter | None, watcher: ScanWatcher) -> messages.Outcome:
     """Configure the scanner, home unless the pings are in place, and scan. Record everything in `log`, and close it.
 
     Returns DONE or STOPPED. If the scan ends before its first reading, no log is written, and an existing log is
@@ -869,7 +827,7 @@ def record_scan(scanner: Scanner, plan: ScanPlan, log: LogWriter | None, watcher
     """
     if log is None:
         return _run_scan(scanner, plan, watcher, watcher.reading)
-    count, outcome = 0, Outcome.STOPPED
+    count, outcome = 0, messages.Outcome.STOPPED
 
     def deliver(reading: Reading) -> None:
         nonlocal count
@@ -880,12 +838,12 @@ def record_scan(scanner: Scanner, plan: ScanPlan, log: LogWriter | None, watcher
         scanner.record(log)
         try:
             outcome = _run_scan(scanner, plan, watcher, deliver, log.path)
-        except (LinkError, NoAnswer, WrongDevice, Incompatible) as error:
-            kept = f"; {counted_are(count, 'reading')} kept in {log.path}" if count else ""
+        except (errors.LinkError, errors.NoAnswer, errors.WrongDevice, errors.Incompatible) as error:
+            kept = f"; {errors.counted_are(count, 'reading')} kept in {log.path}" if count else ""
             raise type(error)(f"{error}{kept}") from error
         finally:
             scanner.record(None)
-            if outcome is Outcome.STOPPED and not count:
+            if outcome is messages.Outcome.STOPPED and not count:
                 log.drop()
     return outcome
 
@@ -896,14 +854,16 @@ def _run_scan(
     watcher: ScanWatcher,
     deliver: Callable[[Reading], None],
     path: Path | None = None,
-) -> Outcome:
+) -> messages.Outcome:
     speed = plan.air.speed_of_sound(scanner.info.temperature_c)
     scanner.configure(2 * plan.reach / speed, plan.blanking, plan.traces, speed)
     if path is not None:
         _warn_if_disk_is_too_small(scanner, plan, path, watcher)
     with scanner.sequence():  # a stop between two steps also ends the later steps
-        if watcher.stop_wanted or (not plan.order.in_place and scanner.home(plan.zero_here) is Outcome.STOPPED):
-            return Outcome.STOPPED
+        if watcher.stop_wanted or (
+            not plan.order.in_place and scanner.home(plan.zero_here) is messages.Outcome.STOPPED
+        ):
+            return messages.Outcome.STOPPED
         waiting = not scanner.takes_orders  # for the start of a sweep
         if not waiting:
             watcher.homed()
@@ -914,7 +874,7 @@ def _run_scan(
             deliver(reading)
     if scanner.unverified_angles:
         watcher.warn(scanner.unverified_angles)
-    return Outcome.STOPPED if watcher.stop_wanted else Outcome.DONE
+    return messages.Outcome.STOPPED if watcher.stop_wanted else messages.Outcome.DONE
 
 
 def _warn_if_disk_is_too_small(scanner: Scanner, plan: ScanPlan, path: Path, watcher: ScanWatcher) -> None:

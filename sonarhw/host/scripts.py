@@ -9,17 +9,7 @@ from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias, TypeVar
 
-from sonarhw.errors import (
-    DeviceError,
-    Incompatible,
-    InputError,
-    LinkBusy,
-    LostSteps,
-    NoAnswer,
-    SonarError,
-    WrongDevice,
-    counted_are,
-)
+from sonarhw import errors
 from sonarhw.host.driver import TRIES, Command, Driver, raise_if_refused
 from sonarhw.readings import (
     MARK_APPROACH,
@@ -32,47 +22,7 @@ from sonarhw.readings import (
     unverified_clause,
 )
 from sonarhw.sound_speed import ScanAir
-from sonarhw.wire.limits import (
-    BAUD_TIMEOUT,
-    FIRST_BAUD,
-    MAX_TEST,
-    MAX_TESTED,
-    MOST_READINGS,
-    PROTOCOL_MAJOR,
-    PROTOCOL_MINOR,
-)
-from sonarhw.wire.messages import (
-    Accepted,
-    AnswerMessage,
-    AskCapabilities,
-    AskStatistics,
-    Capabilities,
-    Configure,
-    ConfigureTurntable,
-    ConfigureWiring,
-    Feature,
-    Hello,
-    Home,
-    Info,
-    LinkTested,
-    Message,
-    MessageError,
-    Outcome,
-    SetBaud,
-    Settings,
-    SetZero,
-    Started,
-    StartScan,
-    Stop,
-    TestLink,
-    Turn,
-    WiringSettings,
-    Zero,
-    degrees_c,
-    microdegrees_of,
-    millimetres_per_second_of,
-    radians_of,
-)
+from sonarhw.wire import limits, messages
 from sonarhw.wire.readings_of_frames import DeviceClock, Progress, broken_settings_rule, scan_order
 
 # A script is dropped when the device is lost, and starts again when it is back. So it may send a command twice. This is
@@ -125,14 +75,14 @@ class Job:
         The script cannot do this. It may run too late, because readings may arrive together with the answer, or because
         the device may be lost after the answer.
         """
-        if self.command is None or not isinstance(self.command.answer, Started):
+        if self.command is None or not isinstance(self.command.answer, messages.Started):
             return
         if self.began is None:
             self.began = clock.continued(self.command.answered_us)
         finished = self.command.finished
         if not self.command.answer.readings:  # a device that turns by itself knows their number at the end
-            done = finished is not None and finished.outcome == Outcome.DONE
-            self.progress.total = finished.readings if finished and done else MOST_READINGS
+            done = finished is not None and finished.outcome == messages.Outcome.DONE
+            self.progress.total = finished.readings if finished and done else limits.MOST_READINGS
         elif not self.progress.received and self.command.broken is None:
             # a replayed log plays its own readings, even if another sector was requested
             self.progress.total = self.command.answer.first + self.command.answer.readings
@@ -140,7 +90,7 @@ class Job:
     @property
     def streaming(self) -> bool:
         """Whether readings arrive. A device that turns by itself first waits for the start of a sweep."""
-        return self.began is not None and (self.progress.received > 0 or self.progress.total < MOST_READINGS)
+        return self.began is not None and (self.progress.received > 0 or self.progress.total < limits.MOST_READINGS)
 
     def take(self, reading: Reading) -> bool:
         """Store a reading. Returns False if it is a duplicate or its number is outside the scan."""
@@ -173,15 +123,15 @@ class KnownDevice:
     """The state of a device that is kept from one conversation to the next."""
 
     where: str  # name of the device in error messages
-    baud: int = FIRST_BAUD  # current baud rate of the line
+    baud: int = limits.FIRST_BAUD  # current baud rate of the line
     most_baud: int = 0  # highest baud rate to try, after a higher one has failed; 0: that of the device
-    info: Info | None = None
-    capabilities: Capabilities | None = None
-    settings: Settings | None = None  # in force
-    configured: Configure | None = None  # sent again in the next conversation
-    turntable: ConfigureTurntable | None = None  # sent again in the next conversation
-    zero: Zero = Zero.UNKNOWN
-    failure: Callable[[], SonarError | None] = lambda: None  # why its newest action failed, if it says so itself
+    info: messages.Info | None = None
+    capabilities: messages.Capabilities | None = None
+    settings: messages.Settings | None = None  # in force
+    configured: messages.Configure | None = None  # sent again in the next conversation
+    turntable: messages.ConfigureTurntable | None = None  # sent again in the next conversation
+    zero: messages.Zero = messages.Zero.UNKNOWN
+    failure: Callable[[], errors.SonarError | None] = lambda: None  # why its newest action failed, if it says so itself
 
 
 class Conversation:
@@ -222,47 +172,47 @@ class Conversation:
 
     # building blocks of scripts
 
-    def send(self, message: Message, tries: int = TRIES) -> Command:
+    def send(self, message: messages.Message, tries: int = TRIES) -> Command:
         """Send a command. Raises InputError if a value does not fit its field."""
         try:
             return self.driver.command(message, self.now, tries)
-        except MessageError as error:
-            raise InputError(f"{type(message).__name__} cannot be sent: {error}") from error
+        except messages.MessageError as error:
+            raise errors.InputError(f"{type(message).__name__} cannot be sent: {error}") from error
 
-    def request(self, message: Message) -> Script[AnswerMessage]:
+    def request(self, message: messages.Message) -> Script[messages.AnswerMessage]:
         """Send a command and return its answer. Raises CommandRefused."""
         command = self.send(message)
         yield settled(command)
         raise_if_refused(command, self.device.where)
         if command.answer is None:
-            raise NoAnswer(f"{self.device.where}: no answer to {command.name}")
+            raise errors.NoAnswer(f"{self.device.where}: no answer to {command.name}")
         return command.answer
 
-    def request_typed(self, message: Message, expected: type[T]) -> Script[T]:
+    def request_typed(self, message: messages.Message, expected: type[T]) -> Script[T]:
         """Send a command and return its answer. Raises CommandRefused, DeviceError if it is not an `expected`."""
         answer = yield from self.request(message)
         if not isinstance(answer, expected):
-            raise DeviceError(
+            raise errors.DeviceError(
                 f"{self.device.where}: answered {type(message).__name__} with {type(answer).__name__}; "
                 f"expected {expected.__name__}"
             )
         return answer
 
-    def act(self, message: Message, job: Job | None) -> Script[Outcome]:
+    def act(self, message: messages.Message, job: Job | None) -> Script[messages.Outcome]:
         """Run a Home, Turn or StartScan until it ends or no more readings are needed. Raises LostSteps, DeviceError."""
         command = self.send(message)
         if job:
             job.command = command
         yield settled(command)
         raise_if_refused(command, self.device.where)
-        scan = isinstance(command.answer, Started) and job is not None
+        scan = isinstance(command.answer, messages.Started) and job is not None
         if job:
             job.moving = True
         yield from self._follow(command, job, math.inf if scan else self.now + MOVE_WITHIN)
         if command.broken:
             raise broken_protocol(self.device.where, command.broken)
         outcome = self._outcome(command)
-        if outcome is Outcome.STOPPED and not scan and not (job and job.stop_wanted):
+        if outcome is messages.Outcome.STOPPED and not scan and not (job and job.stop_wanted):
             # the device stopped by itself, because it received nothing from the host for too long: repeat the command
             return (yield from self.act(message, job))
         return outcome
@@ -275,11 +225,11 @@ class Conversation:
 
         yield Wait(lambda: over() or self._is_enough(job) or command.broken is not None, deadline)
         if command.finished is None:
-            stop = self.send(Stop())
+            stop = self.send(messages.Stop())
             yield Wait(lambda: over() and stop.settled)
             if self.now >= deadline:
                 text = f"{self.device.where}: {command.name} took more than {MOVE_WITHIN:g} s and was stopped"
-                raise DeviceError(f"{text}; check that the turntable can move freely")
+                raise errors.DeviceError(f"{text}; check that the turntable can move freely")
 
     def _is_enough(self, job: Job | None) -> bool:
         if job is None:
@@ -288,20 +238,20 @@ class Conversation:
         older = info is not None and info.minor < 1  # would repeat readings that have already been received
         return job.stop_wanted or (older and job.progress.total > 0 and job.progress.complete)
 
-    def _outcome(self, command: Command) -> Outcome:
+    def _outcome(self, command: Command) -> messages.Outcome:
         finished, where = command.finished, self.device.where
-        if finished is None or finished.outcome in (Outcome.DONE, Outcome.STOPPED):
-            return Outcome.STOPPED if finished is None else Outcome(finished.outcome)
-        if finished.outcome == Outcome.LOST_STEPS:
-            self.device.zero = Zero.UNKNOWN
-            raise LostSteps(f"{where}: {finished.text or 'steps were lost'}")
+        if finished is None or finished.outcome in (messages.Outcome.DONE, messages.Outcome.STOPPED):
+            return messages.Outcome.STOPPED if finished is None else messages.Outcome(finished.outcome)
+        if finished.outcome == messages.Outcome.LOST_STEPS:
+            self.device.zero = messages.Zero.UNKNOWN
+            raise errors.LostSteps(f"{where}: {finished.text or 'steps were lost'}")
         failed = f"{where}: {command.name} failed: {finished.text or 'the board gave no reason'}"
-        raise self.device.failure() or DeviceError(failed)
+        raise self.device.failure() or errors.DeviceError(failed)
 
 
-def broken_protocol(where: str, rule: str) -> DeviceError:
+def broken_protocol(where: str, rule: str) -> errors.DeviceError:
     """Return the error for firmware that breaks a rule of the protocol."""
-    return DeviceError(f"{where}: its firmware breaks the protocol: {rule}; see firmware_protocol.md")
+    return errors.DeviceError(f"{where}: its firmware breaks the protocol: {rule}; see firmware_protocol.md")
 
 
 def settled(command: Command) -> Wait:
@@ -315,17 +265,17 @@ _MAX_WITHOUT_PROGRESS = 3  # consecutive scan commands without a new reading
 # the jobs
 
 
-def configuring(request: Configure) -> Job:
+def configuring(request: messages.Configure) -> Job:
     """Return the job that sets the ping parameters. Its result is a Settings message."""
     return Job(lambda talk, _: _configure(talk, request))
 
 
-def configuring_turntable(request: ConfigureTurntable) -> Job:
+def configuring_turntable(request: messages.ConfigureTurntable) -> Job:
     """Return the job that sets the turntable parameters. Its result is a TurntableSettings message."""
     return Job(lambda talk, _: _configure_turntable(talk, request))
 
 
-def requesting(message: Message) -> Job:
+def requesting(message: messages.Message) -> Job:
     """Return the job that sends a command, which must be safe to repeat. Its result is the answer."""
     return Job(lambda talk, _: talk.request(message))
 
@@ -340,22 +290,22 @@ def zeroing() -> Job:
     return Job(lambda talk, _: _set_zero(talk))
 
 
-def configuring_wiring(request: ConfigureWiring) -> Job:
+def configuring_wiring(request: messages.ConfigureWiring) -> Job:
     """Return the job that sets the wiring. Its result is a WiringSettings message."""
     return Job(lambda talk, _: _configure_wiring(talk, request))
 
 
-def jogging(message: Turn) -> Job:
+def jogging(message: messages.Turn) -> Job:
     """Return the job that turns by a small angle, without homing. Its result is an Outcome."""
     return Job(lambda talk, job: _jog(talk, message, job))
 
 
-def turning(message: Turn) -> Job:
+def turning(message: messages.Turn) -> Job:
     """Return the job that turns the turntable, and homes it first if needed. Its result is an Outcome."""
     return Job(lambda talk, job: _turn(talk, message, job))
 
 
-def scanning(order: StartScan) -> Job:
+def scanning(order: messages.StartScan) -> Job:
     """Return the job that scans, and homes first if needed. It collects `readings`; its result is an Outcome."""
     script = _ping_in_place if order.in_place else _scan
     return Job(
@@ -368,34 +318,34 @@ def scanning(order: StartScan) -> Job:
 # the scripts of the jobs
 
 
-def home(talk: Conversation, job: Job | None) -> Script[Outcome]:
+def home(talk: Conversation, job: Job | None) -> Script[messages.Outcome]:
     """Home the turntable."""
-    talk.device.zero = Zero.UNKNOWN
+    talk.device.zero = messages.Zero.UNKNOWN
     if job:
         job.note_homing()
-    outcome = yield from talk.act(Home(), job)
-    talk.device.zero = Zero.MARK if outcome is Outcome.DONE else Zero.UNKNOWN
+    outcome = yield from talk.act(messages.Home(), job)
+    talk.device.zero = messages.Zero.MARK if outcome is messages.Outcome.DONE else messages.Zero.UNKNOWN
     return outcome
 
 
-def _set_zero(talk: Conversation) -> Script[Outcome]:
+def _set_zero(talk: Conversation) -> Script[messages.Outcome]:
     _require_minor(talk, 2, "a zero that is set by hand")
-    yield from talk.request(SetZero())
-    talk.device.zero = Zero.HAND
-    return Outcome.DONE
+    yield from talk.request(messages.SetZero())
+    talk.device.zero = messages.Zero.HAND
+    return messages.Outcome.DONE
 
 
-def _configure_wiring(talk: Conversation, request: ConfigureWiring) -> Script[WiringSettings]:
+def _configure_wiring(talk: Conversation, request: messages.ConfigureWiring) -> Script[messages.WiringSettings]:
     _require_minor(talk, 2, "a setting of the wiring")
-    answer = yield from talk.request_typed(request, WiringSettings)
+    answer = yield from talk.request_typed(request, messages.WiringSettings)
     if request.change:
-        talk.device.zero = Zero.UNKNOWN
+        talk.device.zero = messages.Zero.UNKNOWN
         # with one switch, the turntable turns less far
-        talk.device.capabilities = yield from talk.request_typed(AskCapabilities(), Capabilities)
+        talk.device.capabilities = yield from talk.request_typed(messages.AskCapabilities(), messages.Capabilities)
     return answer
 
 
-def _jog(talk: Conversation, message: Turn, job: Job) -> Script[Outcome]:
+def _jog(talk: Conversation, message: messages.Turn, job: Job) -> Script[messages.Outcome]:
     _require_minor(talk, 2, "a jog")
     return (yield from talk.act(message, job))
 
@@ -405,11 +355,13 @@ def _require_minor(talk: Conversation, minor: int, needs: str) -> None:
     info = talk.device.info
     if info is None or info.minor < minor:
         has = "an unknown protocol" if info is None else f"protocol {info.major}.{info.minor}"
-        raise DeviceError(f"{talk.device.where}: its firmware uses {has}, {needs} needs 1.{minor}; update its firmware")
+        raise errors.DeviceError(
+            f"{talk.device.where}: its firmware uses {has}, {needs} needs 1.{minor}; update its firmware"
+        )
 
 
-def _configure(talk: Conversation, request: Configure) -> Script[Settings]:
-    settings = yield from talk.request_typed(request, Settings)
+def _configure(talk: Conversation, request: messages.Configure) -> Script[messages.Settings]:
+    settings = yield from talk.request_typed(request, messages.Settings)
     # a replayed log has no capabilities, and answers with its own settings
     if talk.device.capabilities and (rule := broken_settings_rule(request, settings)):
         raise broken_protocol(talk.device.where, rule)
@@ -417,40 +369,48 @@ def _configure(talk: Conversation, request: Configure) -> Script[Settings]:
     return settings
 
 
-def _default_settings(info: Info | None) -> Configure:
+def _default_settings(info: messages.Info | None) -> messages.Configure:
     """Return the settings of a scan without a `Configure` before it."""
-    speed = ScanAir().speed_of_sound(None if info is None else degrees_c(info.temperature))
-    return Configure(listen_us=62_500, blanking_us=2_380, trace=0, speed_of_sound=millimetres_per_second_of(speed))
+    speed = ScanAir().speed_of_sound(None if info is None else messages.degrees_c(info.temperature))
+    return messages.Configure(
+        listen_us=62_500, blanking_us=2_380, trace=0, speed_of_sound=messages.millimetres_per_second_of(speed)
+    )
 
 
-def _configure_turntable(talk: Conversation, request: ConfigureTurntable) -> Script[AnswerMessage]:
+def _configure_turntable(talk: Conversation, request: messages.ConfigureTurntable) -> Script[messages.AnswerMessage]:
     answer = yield from talk.request(request)
     talk.device.turntable = request
     return answer
 
 
-def _turn(talk: Conversation, message: Turn, job: Job) -> Script[Outcome]:
-    if talk.device.zero is Zero.UNKNOWN and (outcome := (yield from home(talk, job))) is not Outcome.DONE:
+def _turn(talk: Conversation, message: messages.Turn, job: Job) -> Script[messages.Outcome]:
+    if (
+        talk.device.zero is messages.Zero.UNKNOWN
+        and (outcome := (yield from home(talk, job))) is not messages.Outcome.DONE
+    ):
         return outcome
     return (yield from talk.act(message, job))
 
 
-def _scan(talk: Conversation, order: StartScan, job: Job) -> Script[Outcome]:
+def _scan(talk: Conversation, order: messages.StartScan, job: Job) -> Script[messages.Outcome]:
     """Scan, then verify the zero mark. Raises LostSteps, after all readings have been received."""
     yield from _configure_if_new(talk)
-    if talk.device.zero is Zero.UNKNOWN and (outcome := (yield from home(talk, job))) is not Outcome.DONE:
+    if (
+        talk.device.zero is messages.Zero.UNKNOWN
+        and (outcome := (yield from home(talk, job))) is not messages.Outcome.DONE
+    ):
         return outcome
     try:
         outcome = yield from _make_readings(talk, order, job)
-        if outcome is Outcome.DONE and not job.stop_wanted:
+        if outcome is messages.Outcome.DONE and not job.stop_wanted:
             yield from _verify_mark(talk, order, job)
-    except LostSteps as error:
+    except errors.LostSteps as error:
         raise _with_wrong_angles(error, job.angles_between_homings()) from error
     job.unverified_angles = unverified_clause(job.angles_between_homings())
     return outcome
 
 
-def _ping_in_place(talk: Conversation, order: StartScan, job: Job) -> Script[Outcome]:
+def _ping_in_place(talk: Conversation, order: messages.StartScan, job: Job) -> Script[messages.Outcome]:
     """Make pings at the present angle."""
     _require_minor(talk, 2, "a ping without homing")
     yield from _configure_if_new(talk)
@@ -462,24 +422,24 @@ def _configure_if_new(talk: Conversation) -> Script[None]:
         yield from _configure(talk, _default_settings(talk.device.info))
 
 
-def _make_readings(talk: Conversation, order: StartScan, job: Job) -> Script[Outcome]:
+def _make_readings(talk: Conversation, order: messages.StartScan, job: Job) -> Script[messages.Outcome]:
     """Send scan commands until all readings have been received."""
     progress, without_progress = job.progress, 0
     while (missing := progress.next_missing()) and without_progress < _MAX_WITHOUT_PROGRESS:
         before = progress.received
         outcome = yield from talk.act(_part(talk, order, missing, job), job)
-        if outcome is not Outcome.DONE and job.stop_wanted and not progress.complete:
+        if outcome is not messages.Outcome.DONE and job.stop_wanted and not progress.complete:
             return outcome
         without_progress = 0 if progress.received > before else without_progress + 1
     if missing:
         where = talk.device.where
-        raise NoAnswer(
+        raise errors.NoAnswer(
             f"{where}: reading {missing[0]} did not arrive after {_MAX_WITHOUT_PROGRESS} scan commands; check the cable"
         )
-    return Outcome.DONE
+    return messages.Outcome.DONE
 
 
-def _part(talk: Conversation, order: StartScan, missing: tuple[int, int], job: Job) -> StartScan:
+def _part(talk: Conversation, order: messages.StartScan, missing: tuple[int, int], job: Job) -> messages.StartScan:
     """Return the command for a part of a scan. Protocol 1.0 supports only whole scans."""
     info = talk.device.info
     whole = missing == (0, job.progress.total)
@@ -488,39 +448,47 @@ def _part(talk: Conversation, order: StartScan, missing: tuple[int, int], job: J
     return replace(order, first=missing[0], count=missing[1])
 
 
-def _verify_mark(talk: Conversation, order: StartScan, job: Job) -> Script[None]:
+def _verify_mark(talk: Conversation, order: messages.StartScan, job: Job) -> Script[None]:
     """Turn over the nearest zero mark, so that the device reports steps lost since its last check of the mark."""
     capabilities = talk.device.capabilities
-    if capabilities is None or not capabilities.features & Feature.LOST_STEPS or talk.device.zero is Zero.HAND:
+    if (
+        capabilities is None
+        or not capabilities.features & messages.Feature.LOST_STEPS
+        or talk.device.zero is messages.Zero.HAND
+    ):
         return
-    before = MARK_APPROACH + radians_of(capabilities.backlash)
+    before = MARK_APPROACH + messages.radians_of(capabilities.backlash)
     lowest, highest = (
-        radians_of(capabilities.lowest_angle) + before,
-        radians_of(capabilities.highest_angle) - MARK_OVERRUN,
+        messages.radians_of(capabilities.lowest_angle) + before,
+        messages.radians_of(capabilities.highest_angle) - MARK_OVERRUN,
     )
     last_angle = scan_order(order).ping_at(job.progress.total - 1)[1]
     mark = nearest_mark(last_angle, lowest, highest)
     for angle in () if mark is None else (mark - before, mark + MARK_OVERRUN):
-        if (yield from talk.act(Turn(microdegrees_of(angle)), job)) is not Outcome.DONE:
+        if (yield from talk.act(messages.Turn(messages.microdegrees_of(angle)), job)) is not messages.Outcome.DONE:
             return
 
 
-def _with_wrong_angles(error: LostSteps, runs: list[FloatArray]) -> LostSteps:
+def _with_wrong_angles(error: errors.LostSteps, runs: list[FloatArray]) -> errors.LostSteps:
     """Add to the error how many readings are kept and which of their angles may be wrong."""
     total = sum(map(len, runs))
     if not total:
         return error
-    kept = f"{counted_are(total, 'reading')} kept"
-    return LostSteps(f"{error} {'; '.join(filter(None, (kept, lost_steps_clause(runs), unverified_clause(runs))))}")
+    kept = f"{errors.counted_are(total, 'reading')} kept"
+    return errors.LostSteps(
+        f"{error} {'; '.join(filter(None, (kept, lost_steps_clause(runs), unverified_clause(runs))))}"
+    )
 
 
 # the scripts that begin a conversation
 
 
 # a device uses the first after a reset, the second with protocol 1.0, and any of them after an earlier conversation
-SEEK_BAUDS = (FIRST_BAUD, 1_000_000, 500_000)
+SEEK_BAUDS = (limits.FIRST_BAUD, 1_000_000, 500_000)
 LINK_TESTS = 32
-_BACK_WITHIN = BAUD_TIMEOUT / 5  # s for the answer of a device that returns to a lower baud rate; it may be damaged
+_BACK_WITHIN = (
+    limits.BAUD_TIMEOUT / 5
+)  # s for the answer of a device that returns to a lower baud rate; it may be damaged
 
 
 def greet(talk: Conversation, quiet: float, patience: float) -> Script[None]:
@@ -529,24 +497,26 @@ def greet(talk: Conversation, quiet: float, patience: float) -> Script[None]:
     # a bootloader would interpret bytes as a new program; a device that sends frames has left its bootloader
     yield Wait(lambda: talk.driver.statistics.frames_received > 0, talk.now + quiet)
     deadline = talk.now + patience
-    bauds = itertools.cycle(SEEK_BAUDS if talk.bauds else (FIRST_BAUD,))
+    bauds = itertools.cycle(SEEK_BAUDS if talk.bauds else (limits.FIRST_BAUD,))
     frames = talk.driver.statistics.frames_received
     while True:
         if talk.driver.statistics.frames_received == frames:  # else the present rate is right
             device.baud = next(bauds)
         frames = talk.driver.statistics.frames_received
-        hello = talk.send(Hello(PROTOCOL_MAJOR, PROTOCOL_MINOR), tries=2)
+        hello = talk.send(messages.Hello(limits.PROTOCOL_MAJOR, limits.PROTOCOL_MINOR), tries=2)
         yield Wait(lambda sent=hello: sent.settled or talk.driver.busy is not None, deadline)  # type: ignore[misc]
         if talk.driver.busy is not None:
-            raise LinkBusy(f"{device.where}: is busy: {talk.driver.busy}")
-        if isinstance(hello.answer, Info):
+            raise errors.LinkBusy(f"{device.where}: is busy: {talk.driver.busy}")
+        if isinstance(hello.answer, messages.Info):
             _check_identity(talk, hello.answer)
             # made at wrong baud rates, by a bootloader or in an earlier conversation: they say nothing about the line
             talk.driver.discard_errors()
             return
         talk.driver.forget(hello)
         if talk.now >= deadline:
-            raise NoAnswer(f"{device.where}: no scanner answered within {patience:g} s; {_received_instead(talk)}")
+            raise errors.NoAnswer(
+                f"{device.where}: no scanner answered within {patience:g} s; {_received_instead(talk)}"
+            )
 
 
 def _received_instead(talk: Conversation) -> str:
@@ -560,15 +530,15 @@ def _received_instead(talk: Conversation) -> str:
     return "check its power and the port"
 
 
-def _check_identity(talk: Conversation, info: Info) -> None:
+def _check_identity(talk: Conversation, info: messages.Info) -> None:
     where, before = talk.device.where, talk.device.info
-    if info.major != PROTOCOL_MAJOR:
-        raise Incompatible(
+    if info.major != limits.PROTOCOL_MAJOR:
+        raise errors.Incompatible(
             f"{where}: {info.firmware} uses protocol {info.major}.{info.minor}, this program "
-            f"{PROTOCOL_MAJOR}.{PROTOCOL_MINOR}; update the older of the two"
+            f"{limits.PROTOCOL_MAJOR}.{limits.PROTOCOL_MINOR}; update the older of the two"
         )
     if before is not None and info.serial != before.serial:
-        raise WrongDevice(
+        raise errors.WrongDevice(
             f"{where}: scanner {info.serial or 'without serial number'} answers; expected scanner "
             f"{before.serial or 'without serial number'}; plug that one in again"
         )
@@ -579,7 +549,7 @@ def prepare(talk: Conversation, job: Job | None) -> Script[None]:
     device, info = talk.device, talk.driver.info
     before = device.info
     if info is None:
-        raise NoAnswer(f"{device.where}: has not sent Info")
+        raise errors.NoAnswer(f"{device.where}: has not sent Info")
     if info.minor >= 1:
         yield from _request_capabilities(talk)
         yield from _speed_up(talk)
@@ -587,35 +557,37 @@ def prepare(talk: Conversation, job: Job | None) -> Script[None]:
     if device.turntable:
         yield from talk.request(device.turntable)
     if device.configured:
-        device.settings = yield from talk.request_typed(device.configured, Settings)
+        device.settings = yield from talk.request_typed(device.configured, messages.Settings)
     zero = _kept_zero(info, before)
     if before is None:
         device.zero = zero
-    elif device.zero is not Zero.UNKNOWN and zero is Zero.UNKNOWN:
+    elif device.zero is not messages.Zero.UNKNOWN and zero is messages.Zero.UNKNOWN:
         yield from _restore_zero(talk, job)
 
 
-def _kept_zero(info: Info, before: Info | None) -> Zero:
+def _kept_zero(info: messages.Info, before: messages.Info | None) -> messages.Zero:
     if info.minor < 1 or not info.homed or (before is not None and info.boot != before.boot):
-        return Zero.UNKNOWN
-    return Zero.HAND if info.homed == Zero.HAND else Zero.MARK
+        return messages.Zero.UNKNOWN
+    return messages.Zero.HAND if info.homed == messages.Zero.HAND else messages.Zero.MARK
 
 
 def _restore_zero(talk: Conversation, job: Job | None) -> Script[None]:
     """Home, unless the zero was set by hand or the job does not turn."""
     device = talk.device
-    lost, device.zero = device.zero, Zero.UNKNOWN
+    lost, device.zero = device.zero, messages.Zero.UNKNOWN
     if job is not None and not job.moves:
         return
-    if lost is Zero.HAND:
-        raise DeviceError(f"{device.where}: lost the zero that was set by hand; put the table there and start again")
+    if lost is messages.Zero.HAND:
+        raise errors.DeviceError(
+            f"{device.where}: lost the zero that was set by hand; put the table there and start again"
+        )
     yield from home(talk, job)
 
 
 def _request_capabilities(talk: Conversation) -> Script[None]:
-    command = talk.send(AskCapabilities())
+    command = talk.send(messages.AskCapabilities())
     yield settled(command)
-    if isinstance(command.answer, Capabilities):  # a replayed log refuses the command
+    if isinstance(command.answer, messages.Capabilities):  # a replayed log refuses the command
         talk.device.capabilities = command.answer
 
 
@@ -625,12 +597,12 @@ def _speed_up(talk: Conversation) -> Script[None]:
     fastest = device.capabilities.fastest_baud if device.capabilities and talk.bauds else 0
     baud = min(fastest, device.most_baud or fastest)
     if device.baud > baud > 0:
-        yield from _slow_down(talk, FIRST_BAUD)
+        yield from _slow_down(talk, limits.FIRST_BAUD)
     slow = device.baud
     while baud > slow:
-        change = talk.send(SetBaud(baud))
+        change = talk.send(messages.SetBaud(baud))
         yield settled(change)
-        if isinstance(change.answer, Accepted):
+        if isinstance(change.answer, messages.Accepted):
             device.baud = baud
             if (yield from _line_is_reliable(talk)):
                 return
@@ -645,20 +617,20 @@ def _slow_down(talk: Conversation, baud: int) -> Script[None]:
     A device that has received a valid frame at the present rate keeps it until it is asked, even if its own frames
     arrive damaged. One that has received none returns by itself.
     """
-    change = talk.send(SetBaud(baud), tries=1)
+    change = talk.send(messages.SetBaud(baud), tries=1)
     yield Wait(lambda: change.settled, talk.now + _BACK_WITHIN)
     talk.driver.forget(change)
     talk.device.baud = baud
     # makes the lower rate permanent
-    yield settled(talk.send(AskStatistics()))
+    yield settled(talk.send(messages.AskStatistics()))
 
 
 def _line_is_reliable(talk: Conversation) -> Script[bool]:
     rejected = talk.driver.statistics.rejected_blocks
     for number in range(LINK_TESTS):
-        data = random.Random(number).randbytes(MAX_TEST)
-        test = talk.send(TestLink(MAX_TESTED, data), tries=1)
+        data = random.Random(number).randbytes(limits.MAX_TEST)
+        test = talk.send(messages.TestLink(limits.MAX_TESTED, data), tries=1)
         yield settled(test)
-        if not isinstance(test.answer, LinkTested) or test.answer.data != (data * 8)[:MAX_TESTED]:
+        if not isinstance(test.answer, messages.LinkTested) or test.answer.data != (data * 8)[: limits.MAX_TESTED]:
             return False
     return talk.driver.statistics.rejected_blocks == rejected

@@ -8,17 +8,7 @@ from dataclasses import replace
 from enum import StrEnum
 from typing import Protocol
 
-from sonarhw.errors import (
-    DeviceError,
-    DeviceReset,
-    Incompatible,
-    InputError,
-    LinkError,
-    LinkLost,
-    NoAnswer,
-    SonarError,
-    WrongDevice,
-)
+from sonarhw import errors
 from sonarhw.host.driver import Driver
 from sonarhw.host.scripts import Conversation, Job, KnownDevice, Script, Wait, greet, prepare
 from sonarhw.link import LinkStatistics
@@ -141,7 +131,7 @@ class Session:
         self.device = KnownDevice(where)
         self.bauds = False  # whether the baud rate of the line can be set
         self.recording = JobRecording(wanted=lambda: bool(self._jobs))
-        self.failed: SonarError | None = None  # why the first greeting failed
+        self.failed: errors.SonarError | None = None  # why the first greeting failed
         self.wants_close = False
         self._patience, self._reconnect = patience, reconnect
         self._rng = rng or random.Random()
@@ -151,7 +141,7 @@ class Session:
         self._next_open = math.inf
         self._pauses = iter(PAUSES)
         self._lost_at: float | None = None
-        self._cause: SonarError = NoAnswer(f"{where}: no scanner has answered yet")  # of the newest loss
+        self._cause: errors.SonarError = errors.NoAnswer(f"{where}: no scanner has answered yet")  # of the newest loss
         self._earlier = LinkStatistics()  # of earlier connections
         self._conversation: Conversation | None = None
         self._jobs: deque[Job] = deque()  # the first one runs
@@ -178,7 +168,7 @@ class Session:
         return self._conversation.driver.heartbeat if self._conversation else None
 
     @property
-    def loss(self) -> SonarError | None:
+    def loss(self) -> errors.SonarError | None:
         """Reason of the loss; None while the device is connected, and before it was ready for the first time."""
         return None if self._lost_at is None else self._cause
 
@@ -226,15 +216,15 @@ class Session:
         self._greet(now, quiet, GREET_AGAIN if self._was_ready else self._patience)
         self._step(now)
 
-    def open_failed(self, error: SonarError, now: float) -> None:
+    def open_failed(self, error: errors.SonarError, now: float) -> None:
         """Handle a port that cannot be opened."""
-        if self._was_ready and not isinstance(error, InputError):
+        if self._was_ready and not isinstance(error, errors.InputError):
             self._open_later(now)
             self._step(now)
         else:
             self._fail(error)
 
-    def broke(self, error: LinkError, now: float) -> None:
+    def broke(self, error: errors.LinkError, now: float) -> None:
         """Handle the loss of the open port."""
         self._open = self.wants_close = False
         if not self._was_ready:
@@ -294,9 +284,9 @@ class Session:
     def _prepare(self, talk: Conversation, job: Job | None) -> Script[None]:
         try:
             yield from prepare(talk, job)
-        except (NoAnswer, DeviceReset):
+        except (errors.NoAnswer, errors.DeviceReset):
             raise
-        except DeviceError as error:
+        except errors.DeviceError as error:
             if not self._was_ready:
                 raise
             # the device is back, but it cannot home or refuses its settings: only the job fails
@@ -309,7 +299,7 @@ class Session:
             return
         try:
             result = yield from job.script(talk, job)
-        except (DeviceError, InputError) as error:
+        except (errors.DeviceError, errors.InputError) as error:
             self._end(job, error=error)
         else:
             self._collect()
@@ -322,7 +312,7 @@ class Session:
         if self._conversation:
             try:
                 self._conversation.step(now)
-            except SonarError as error:
+            except errors.SonarError as error:
                 self._script_failed(error, now)
         self._fail_overdue_jobs(now)
 
@@ -353,12 +343,12 @@ class Session:
     def _guarded(self, work: Callable[[], None], now: float) -> None:
         try:
             work()
-        except (NoAnswer, DeviceReset) as error:
+        except (errors.NoAnswer, errors.DeviceReset) as error:
             # the port is still open, so the device may answer a new greeting
             self._lose(error, now)
             self._greet(now, 0.0, GREET_AGAIN)
 
-    def _script_failed(self, error: SonarError, now: float) -> None:
+    def _script_failed(self, error: errors.SonarError, now: float) -> None:
         """Close the port of a device that does not answer the greeting or cannot be prepared."""
         self.wants_close = True
         if not self._was_ready:
@@ -368,7 +358,7 @@ class Session:
         self._cause = error
         self._open_later(now)
 
-    def _lose(self, error: SonarError, now: float) -> None:
+    def _lose(self, error: errors.SonarError, now: float) -> None:
         talk = self._conversation
         if talk:
             talk.driver.flush()
@@ -390,7 +380,7 @@ class Session:
         self._phase = Connection.LOST
         self._next_open = now + next(self._pauses, PAUSES[-1])
 
-    def _fail(self, error: SonarError) -> None:
+    def _fail(self, error: errors.SonarError) -> None:
         self.failed, self.wants_close, self._phase = error, self._open, Connection.DISCONNECTED
         self._conversation = None
         for job in [*self._jobs]:
@@ -399,17 +389,21 @@ class Session:
     def _deadline(self) -> float:
         return max(self._jobs[0].since, self._lost_at or 0.0) + self._reconnect
 
-    def _check_losses_in_a_row(self, error: SonarError) -> None:
+    def _check_losses_in_a_row(self, error: errors.SonarError) -> None:
         if not self._jobs:
             return
         job = self._jobs[0]
         job.losses_in_a_row += 1
         if job.losses_in_a_row >= MAX_LOSSES:
             text = f"{error}; the scanner was lost {MAX_LOSSES} times in a row without a reading in between"
-            self._end(job, error=LinkLost(text))
+            self._end(job, error=errors.LinkLost(text))
 
     def _fail_overdue_jobs(self, now: float) -> None:
         while self._jobs and self._lost_at is not None and now >= self._deadline():
             back = f"; the scanner did not come back within {self._reconnect:g} s" if self._reconnect else ""
-            kind = type(self._cause) if isinstance(self._cause, WrongDevice | Incompatible) else LinkLost
+            kind = (
+                type(self._cause)
+                if isinstance(self._cause, errors.WrongDevice | errors.Incompatible)
+                else errors.LinkLost
+            )
             self._end(self._jobs[0], error=kind(f"{self._cause}{back}"))

@@ -21,40 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.errors import NotALog, counted
-from sonarhw.log.mcap_records import (
-    UNREADABLE,
-    Damage,
-    McapMessage,
-    OpenFile,
-    Record,
-    attachment,
-    channel_of,
-    checked_attachments,
-    is_mcap,
-    metadata_of,
-    profile_of,
-    read_records,
-)
+from sonarhw.log import mcap_records
 from sonarhw.readings import FloatArray, Origin, Reading, Trace, lost_steps_clause, split_at_homings, unverified_clause
+from sonarhw.wire import messages
 from sonarhw.wire.frames import Frame, decode_block, frame_payload, frame_type
-from sonarhw.wire.messages import (
-    Accepted,
-    Capabilities,
-    Finished,
-    Hello,
-    Home,
-    Info,
-    Message,
-    MessageError,
-    Outcome,
-    ReadingMessage,
-    Refused,
-    Settings,
-    Started,
-    StartScan,
-    TraceChunk,
-    unpack_message,
-)
 from sonarhw.wire.readings_of_frames import (
     DeviceClock,
     ReadingAssembler,
@@ -103,14 +73,14 @@ class RecordedFrame:
     received: bool  # True: from the device; False: from the host
     wire: bytes  # with delimiter
 
-    def decoded(self) -> tuple[Frame, Message] | None:
+    def decoded(self) -> tuple[Frame, messages.Message] | None:
         """Return the frame and its message; None if the frame is damaged or the message unknown."""
         frame = decode_block(self.wire[:-1])
         if not isinstance(frame, Frame):
             return None
         try:
-            message = unpack_message(frame.type, frame.payload)
-        except MessageError:
+            message = messages.unpack_message(frame.type, frame.payload)
+        except messages.MessageError:
             return None
         return None if message is None else (frame, message)
 
@@ -118,7 +88,7 @@ class RecordedFrame:
 class RecordedFrames:
     """All frames of a log, in order. Each iteration reads them from the file."""
 
-    def __init__(self, file: OpenFile, count: int, topics: dict[int, str]) -> None:
+    def __init__(self, file: mcap_records.OpenFile, count: int, topics: dict[int, str]) -> None:
         """`count` is the number of frames; `topics` are by channel number."""
         self._file = file
         self._count = count
@@ -140,7 +110,7 @@ class RecordedFrames:
     def received_bytes(self) -> Iterator[tuple[float, bytes]]:
         """Yield the bytes of a device that sends no frames, as received, and their time, s since the epoch."""
         for item in _records(self._file):
-            if isinstance(item, McapMessage) and self._topics.get(item.channel) == BYTES:
+            if isinstance(item, mcap_records.McapMessage) and self._topics.get(item.channel) == BYTES:
                 yield item.time * 1e-9, item.data
 
 
@@ -150,9 +120,9 @@ class RecordedScan:
 
     began: float  # s on the clock of the readings
     expected: int | None  # readings announced by Started; None if the log does not contain it
-    settings: Settings | None
+    settings: messages.Settings | None
     readings: tuple[Reading, ...]  # by number; their traces are read from the file on access
-    finished: Finished | None  # None if the log ends before the scan
+    finished: messages.Finished | None  # None if the log ends before the scan
     homed: tuple[float, ...] = ()  # times of homings during the scan, s on the clock of the readings
 
     @property
@@ -168,7 +138,7 @@ class RecordedScan:
     @property
     def angle_warning(self) -> str | None:
         """Clause with the angles that may be wrong, and the reason; None if there are none."""
-        slipped = self.finished is not None and self.finished.outcome == Outcome.LOST_STEPS
+        slipped = self.finished is not None and self.finished.outcome == messages.Outcome.LOST_STEPS
         if not slipped and not self.homed:
             return None
         runs = split_at_homings(
@@ -184,8 +154,8 @@ class Log:
     """The contents of a log."""
 
     metadata: LogMetadata
-    info: Info | None  # of the last greeting
-    settings: Settings | None  # the last in force
+    info: messages.Info | None  # of the last greeting
+    settings: messages.Settings | None  # the last in force
     frames: RecordedFrames
     scans: tuple[RecordedScan, ...]
     torn: str | None  # clause that states where the file is incomplete or damaged; None: the file is whole
@@ -336,10 +306,10 @@ def _rows(columns: Columns, trace: Callable[[int, Span], Trace], origin: Origin)
 
 
 _CACHED_TRACES = 64
-_UNKNOWN_SETTINGS = Settings(0, 0, 0, 1, 0)
+_UNKNOWN_SETTINGS = messages.Settings(0, 0, 0, 1, 0)
 
 
-def recorded_frame(message: McapMessage, topics: dict[int, str]) -> RecordedFrame | None:
+def recorded_frame(message: mcap_records.McapMessage, topics: dict[int, str]) -> RecordedFrame | None:
     """Return the frame in a message of the file; None if it contains none."""
     topic = topics.get(message.channel)
     if topic not in (FRAMES_RECEIVED, FRAMES_SENT):
@@ -352,22 +322,28 @@ def known_topics() -> dict[int, str]:
     return dict(enumerate(TOPICS, start=1))
 
 
-def _frames(file: OpenFile, topics: dict[int, str], span: Span | None = None) -> Iterator[tuple[int, RecordedFrame]]:
+def _frames(
+    file: mcap_records.OpenFile, topics: dict[int, str], span: Span | None = None
+) -> Iterator[tuple[int, RecordedFrame]]:
     for item in _records(file, *(span or ())[:1]):
-        if span is not None and not isinstance(item, Damage) and item.at > span[1]:
+        if span is not None and not isinstance(item, mcap_records.Damage) and item.at > span[1]:
             return
-        if isinstance(item, McapMessage) and (frame := recorded_frame(item, topics)):
+        if isinstance(item, mcap_records.McapMessage) and (frame := recorded_frame(item, topics)):
             yield item.at, frame
 
 
-def _records(file: OpenFile, *start: int) -> Iterator[Record | McapMessage | Damage]:
+def _records(
+    file: mcap_records.OpenFile, *start: int
+) -> Iterator[mcap_records.Record | mcap_records.McapMessage | mcap_records.Damage]:
     try:
-        yield from read_records(file, *start)
+        yield from mcap_records.read_records(file, *start)
     except OSError as error:
         raise NotALog(f"{file.path}: can no longer be read: {error.strerror}") from error
 
 
-def _stored_traces(file: OpenFile, settings: Settings | None, topics: dict[int, str]) -> Callable[[int, Span], Trace]:
+def _stored_traces(
+    file: mcap_records.OpenFile, settings: messages.Settings | None, topics: dict[int, str]
+) -> Callable[[int, Span], Trace]:
     """Return a function that reads the trace of a reading in the chunks of a span. It keeps the last few traces."""
     settings = replace(settings or _UNKNOWN_SETTINGS, trace=1)
 
@@ -435,14 +411,14 @@ class DecodedScan:
     """The part of a scan that has been decoded so far."""
 
     command: int  # sequence number of its newest StartScan
-    order: StartScan | None  # None if the log has no frames from a host
+    order: messages.StartScan | None  # None if the log has no frames from a host
     since_us: int  # device time; earlier pings belong to the previous scan
-    settings: Settings | None
+    settings: messages.Settings | None
     started: float | None = None  # s on the clock of the readings
     expected: int | None = None
     readings: ReadingColumns = field(default_factory=ReadingColumns)
     first: Reading | None = None  # reading with the lowest number
-    finished: Finished | None = None
+    finished: messages.Finished | None = None
     homed: list[float] = field(default_factory=list)  # time of the newest reading before each homing
 
     @property
@@ -457,13 +433,13 @@ class DecodedScan:
         times = [] if self.first is None else [self.first.time]
         return min(times if self.started is None else [*times, self.started])
 
-    def is_continued_by(self, order: StartScan) -> bool:
+    def is_continued_by(self, order: messages.StartScan) -> bool:
         """Return whether `order` requests a missing part of this scan, or all of it if there are no readings yet."""
         part = order.first > 0 or order.count > 0
         return self.order is not None and _whole(self.order) == _whole(order) and (part or not self.readings)
 
 
-def _whole(order: StartScan) -> StartScan:
+def _whole(order: messages.StartScan) -> messages.StartScan:
     return replace(order, first=0, count=0)
 
 
@@ -476,8 +452,8 @@ class ScanDecoder:
     """
 
     def __init__(self) -> None:
-        self.info: Info | None = None
-        self.settings: Settings | None = None
+        self.info: messages.Info | None = None
+        self.settings: messages.Settings | None = None
         self.frames = 0
         self._checked = False  # whether readings must agree with their order; a replayed log plays another scan
         self._clock = DeviceClock()
@@ -498,7 +474,7 @@ class ScanDecoder:
         self.frames += 1
         block = recorded.wire[:-1]
         # fast path: most of a log is traces, and the CRC-32 of the chunk has been checked
-        if recorded.received and frame_type(block) == TraceChunk.TYPE:
+        if recorded.received and frame_type(block) == messages.TraceChunk.TYPE:
             self._find_trace(frame_payload(block), place)
             return []
         decoded = recorded.decoded()
@@ -509,7 +485,7 @@ class ScanDecoder:
             self._from_host(frame.sequence, message)
             return []
         # Accepted and Refused may be unmatched answers; their times must be ignored
-        if not isinstance(message, Accepted | Refused):
+        if not isinstance(message, messages.Accepted | messages.Refused):
             self._newest_us = frame.time_us
             self._clock.add_frame(frame.time_us, recorded.time)
         return self._keep(self._from_device(frame, message), place)
@@ -529,28 +505,28 @@ class ScanDecoder:
         """Return all scans so far, in order, without those that the device never answered."""
         return [scan for scan in self._scans if scan.answered]
 
-    def _from_host(self, sequence: int, message: Message) -> None:
-        if isinstance(message, Hello) and sequence != self._hello:
+    def _from_host(self, sequence: int, message: messages.Message) -> None:
+        if isinstance(message, messages.Hello) and sequence != self._hello:
             self._hello, self._greeted_at = sequence, len(self._scans)
-        if isinstance(message, Home):
+        if isinstance(message, messages.Home):
             self._homed = True
-        if isinstance(message, StartScan) and not self._is_current(sequence):
+        if isinstance(message, messages.StartScan) and not self._is_current(sequence):
             if self._scans and self._scans[-1].is_continued_by(message):
                 self._continue(sequence)
             else:
                 self._begin(sequence, message)
 
-    def _from_device(self, frame: Frame, message: Message) -> list[Reading]:
+    def _from_device(self, frame: Frame, message: messages.Message) -> list[Reading]:
         match message:
-            case Info():
+            case messages.Info():
                 self.info, self._checked = message, False
-            case Capabilities():
+            case messages.Capabilities():
                 self._checked = True
-            case Settings():
+            case messages.Settings():
                 self.settings = message
                 # the assembler then completes a reading without its trace
                 message = replace(message, trace=0)
-            case Started():
+            case messages.Started():
                 if not self._is_current(message.command):
                     self._begin(message.command)
                 scan = self._scans[-1]
@@ -561,34 +537,34 @@ class ScanDecoder:
                 else:
                     scan.expected = max(scan.expected or 0, message.first + message.readings)
                 return []
-            case Refused() if self._is_current(message.command) and not self._scans[-1].answered:
+            case messages.Refused() if self._is_current(message.command) and not self._scans[-1].answered:
                 self._scans.pop()
-            case Finished() if self._scans:
+            case messages.Finished() if self._scans:
                 self._finish(self._scans[-1], message)
-            case ReadingMessage() if self._scans and message.fired_us < self._scans[-1].since_us:
+            case messages.ReadingMessage() if self._scans and message.fired_us < self._scans[-1].since_us:
                 return []
-            case ReadingMessage() if self._breaks_rules(message):
+            case messages.ReadingMessage() if self._breaks_rules(message):
                 return []
         return self._assembler.feed(message)
 
-    def _breaks_rules(self, message: ReadingMessage) -> bool:
+    def _breaks_rules(self, message: messages.ReadingMessage) -> bool:
         order = self._scans[-1].order if self._scans else None
         if not self._checked or order is None or self.info is None:
             return False
         return broken_reading_rule(message, order, self.settings, self.info.microsteps) is not None
 
-    def _finish(self, scan: DecodedScan, message: Finished) -> None:
+    def _finish(self, scan: DecodedScan, message: messages.Finished) -> None:
         # a command for a missing part has fewer readings than the whole scan
         if self._is_current(message.command) and (not scan.finished or message.readings >= scan.finished.readings):
             scan.finished = message
-        elif scan.finished and message.outcome == Outcome.LOST_STEPS and not self._homed:
+        elif scan.finished and message.outcome == messages.Outcome.LOST_STEPS and not self._homed:
             # detected after the scan, when the turntable turned over the zero mark
-            scan.finished = replace(scan.finished, outcome=Outcome.LOST_STEPS, text=message.text)
+            scan.finished = replace(scan.finished, outcome=messages.Outcome.LOST_STEPS, text=message.text)
 
     def _is_current(self, command: int) -> bool:
         return len(self._scans) > self._greeted_at and self._scans[-1].command == command
 
-    def _begin(self, command: int, order: StartScan | None = None) -> None:
+    def _begin(self, command: int, order: messages.StartScan | None = None) -> None:
         self._forget(command)
         self._scans.append(DecodedScan(command, order, self._newest_us, self.settings))
 
@@ -603,7 +579,7 @@ class ScanDecoder:
     def _forget(self, command: int) -> None:
         self._homed = False
         # the numbers of readings start again at 0; a Started resets the assembler
-        self._assembler.feed(Started(command, 0))
+        self._assembler.feed(messages.Started(command, 0))
         self._newest, self._ahead = None, {}
 
     def _keep(self, readings: list[Reading], place: int) -> list[Reading]:
@@ -648,11 +624,11 @@ _ARRAY_HEAD = re.compile(
     re.DOTALL,
 )
 _UNREADABLE = (
-    *(zipfile.BadZipFile, zlib.error, struct.error, NotImplementedError, RuntimeError, MessageError),
+    *(zipfile.BadZipFile, zlib.error, struct.error, NotImplementedError, RuntimeError, messages.MessageError),
     *(LookupError, ValueError, TypeError, AttributeError, OverflowError, OSError, EOFError),
 )
 
-_M = TypeVar("_M", bound=Message)
+_M = TypeVar("_M", bound=messages.Message)
 
 
 IndexedScan = tuple[RecordedScan, Columns]  # a scan without readings, and its readings
@@ -662,8 +638,8 @@ IndexedScan = tuple[RecordedScan, Columns]  # a scan without readings, and its r
 class LogIndex:
     """The decoded contents of the frames of a log."""
 
-    info: Info | None
-    settings: Settings | None
+    info: messages.Info | None
+    settings: messages.Settings | None
     frames: int
     scans: tuple[IndexedScan, ...]
 
@@ -724,7 +700,9 @@ def unpack_index(data: bytes, offset: int) -> LogIndex | None:
             number, _, column = name.partition("/")
             columns[int(number)][column] = array
         scans = tuple(_scan(scan, mine, offset) for scan, mine in zip(head["scans"], columns, strict=True))
-        return LogIndex(_unpacked(Info, head["info"]), _unpacked(Settings, head["settings"]), _count(head), scans)
+        return LogIndex(
+            _unpacked(messages.Info, head["info"]), _unpacked(messages.Settings, head["settings"]), _count(head), scans
+        )
     except _UNREADABLE:
         return None
 
@@ -758,7 +736,7 @@ def _count(head: dict[str, Any]) -> int:
 
 
 def _scan(scan: dict[str, Any], columns: Columns, end: int) -> IndexedScan:
-    settings, finished = _unpacked(Settings, scan["settings"]), _unpacked(Finished, scan["finished"])
+    settings, finished = _unpacked(messages.Settings, scan["settings"]), _unpacked(messages.Finished, scan["finished"])
     began, expected, homed = float(scan["began"]), scan["expected"], tuple(map(float, scan["homed"]))
     if not np.isfinite((began, *homed)).all() or not (expected is None or isinstance(expected, int)):
         raise ValueError("no times or number of readings")
@@ -766,7 +744,7 @@ def _scan(scan: dict[str, Any], columns: Columns, end: int) -> IndexedScan:
     return RecordedScan(began, expected, settings, (), finished, homed), columns
 
 
-def _packed(message: Message | None) -> str | None:
+def _packed(message: messages.Message | None) -> str | None:
     return None if message is None else message.pack().hex()
 
 
@@ -794,22 +772,24 @@ def read_log(path: Path | str) -> Log:
         if not path.is_file():
             what = "is a folder" if path.is_dir() else "is not a file" if path.exists() else "no such file"
             raise NotALog(f"{path}: {what}; give the name of a log (*.mcap)")
-        file = OpenFile(path)
+        file = mcap_records.OpenFile(path)
         if not file.size:
             raise NotALog(f"{path}: the file is empty; expected a log of sonarhw")
-        if not is_mcap(file):
+        if not mcap_records.is_mcap(file):
             raise NotALog(
                 f"{path}: is not an MCAP file; expected a log of sonarhw; "
                 "`sonarhw import` converts a scan in CSV to a log"
             )
         head = _Head(path)
-        attachments = checked_attachments(file)
+        attachments = mcap_records.checked_attachments(file)
         index, topics = _stored_index(file, head, attachments) if attachments else None, known_topics()
-        damage: list[Damage] = []
+        damage: list[mcap_records.Damage] = []
         if index is None:
             index, damage = _decoded(file, head, topics)
             if attachments is None and not damage:
-                damage.append(Damage("its checksum does not match, though every chunk of frames is undamaged"))
+                damage.append(
+                    mcap_records.Damage("its checksum does not match, though every chunk of frames is undamaged")
+                )
     except OSError as error:
         raise NotALog(f"{path}: cannot be read: {error.strerror}") from error
     metadata, invalid = head.metadata(_torn(damage), has_frames=bool(index.info or index.scans))
@@ -819,7 +799,9 @@ def read_log(path: Path | str) -> Log:
     return replace(log, scans=tuple(_recorded(scan, file, log.origin, topics) for scan in index.scans))
 
 
-def _recorded(indexed: IndexedScan, file: OpenFile, origin: Origin, topics: dict[int, str]) -> RecordedScan:
+def _recorded(
+    indexed: IndexedScan, file: mcap_records.OpenFile, origin: Origin, topics: dict[int, str]
+) -> RecordedScan:
     scan, columns = indexed
     trace = partial(StoredTrace, _stored_traces(file, scan.settings, topics))
     return replace(scan, readings=readings_of(columns, trace, origin))
@@ -837,14 +819,14 @@ class _Head:
     def complete(self) -> bool:
         return self._fields is not None
 
-    def take(self, record: Record) -> None:
+    def take(self, record: mcap_records.Record) -> None:
         """Process a record. Raises the errors in UNREADABLE."""
-        self._profile = profile_of(record) or self._profile
-        name, fields = metadata_of(record) or ("", None)
+        self._profile = mcap_records.profile_of(record) or self._profile
+        name, fields = mcap_records.metadata_of(record) or ("", None)
         if name == METADATA_NAME:
             self._fields = fields
 
-    def metadata(self, torn: str | None, has_frames: bool) -> tuple[LogMetadata, list[Damage]]:
+    def metadata(self, torn: str | None, has_frames: bool) -> tuple[LogMetadata, list[mcap_records.Damage]]:
         """Return the metadata and its damage.
 
         `has_frames`: the file has frames of a scanner. Raises NotALog if it is not a log.
@@ -858,44 +840,48 @@ class _Head:
         raise NotALog(f"{self._path}: is an MCAP file, but not a log of sonarhw: it has no {METADATA_NAME} metadata")
 
 
-def _stored_index(file: OpenFile, head: _Head, attachments: dict[str, int]) -> LogIndex | None:
+def _stored_index(file: mcap_records.OpenFile, head: _Head, attachments: dict[str, int]) -> LogIndex | None:
     """Return the index of a closed and undamaged log; None if its frames must be decoded."""
     offset = attachments.get(NAME)
-    packed = None if offset is None else attachment(file, offset)
+    packed = None if offset is None else mcap_records.attachment(file, offset)
     index = None if packed is None or offset is None else unpack_index(packed, offset)
     if index and any(_has_no_speed(scan) for scan in index.scans):
         return None
-    for item in read_records(file):
+    for item in mcap_records.read_records(file):
         if index is None or head.complete:
             return index
         try:
-            if isinstance(item, Record):
+            if isinstance(item, mcap_records.Record):
                 head.take(item)
-        except UNREADABLE:
+        except mcap_records.UNREADABLE:
             return None
     return None
 
 
-def _decoded(file: OpenFile, head: _Head, topics: dict[int, str]) -> tuple[LogIndex, list[Damage]]:
+def _decoded(
+    file: mcap_records.OpenFile, head: _Head, topics: dict[int, str]
+) -> tuple[LogIndex, list[mcap_records.Damage]]:
     """Decode the readable frames. Return their index, and the damage. Add the channels of the file to `topics`."""
     decoder = ScanDecoder()
-    damage: list[Damage] = []
+    damage: list[mcap_records.Damage] = []
     speeds: _Speeds = {}
-    for item in read_records(file):
+    for item in mcap_records.read_records(file):
         match item:
-            case Damage():
+            case mcap_records.Damage():
                 damage.append(item)
-            case McapMessage():
+            case mcap_records.McapMessage():
                 if frame := recorded_frame(item, topics):
                     decoder.take(frame, item.at)
                 elif topics.get(item.channel) == READINGS and decoder.settings is None:
                     speeds.update(_decoded_speed(item.data))
-            case Record():
+            case mcap_records.Record():
                 try:
                     head.take(item)
-                    topics.update(channel_of(item))
-                except UNREADABLE:
-                    damage.append(Damage(f"the record that begins at byte {item.at} is left out: it is damaged"))
+                    topics.update(mcap_records.channel_of(item))
+                except mcap_records.UNREADABLE:
+                    damage.append(
+                        mcap_records.Damage(f"the record that begins at byte {item.at} is left out: it is damaged")
+                    )
     index = index_of(decoder)
     return replace(index, scans=tuple(_with_speed(scan, speeds) for scan in index.scans)), damage
 
@@ -924,17 +910,21 @@ def _with_speed(indexed: IndexedScan, speeds: _Speeds) -> IndexedScan:
     return scan, {**columns, "speed_of_sound": filled}
 
 
-def _torn(damage: list[Damage]) -> str | None:
+def _torn(damage: list[mcap_records.Damage]) -> str | None:
     # thousands of records may be damaged, so the message names only the first
     more = len(damage) - 1
     others = f" (and {more} more {'place' if more == 1 else 'places'})" if more > 0 else ""
     return f"{damage[0].text}{others}" if damage else None
 
 
-def _metadata(path: Path, fields: dict[str, str]) -> tuple[LogMetadata, list[Damage]]:
+def _metadata(path: Path, fields: dict[str, str]) -> tuple[LogMetadata, list[mcap_records.Damage]]:
     """Return the metadata in these fields, and a clause about each that is missing or invalid."""
     missing = [name for name in _FIELDS if name not in fields]
-    damage = [Damage(f"its {METADATA_NAME} metadata has no field {', '.join(map(repr, missing))}")] if missing else []
+    damage = (
+        [mcap_records.Damage(f"its {METADATA_NAME} metadata has no field {', '.join(map(repr, missing))}")]
+        if missing
+        else []
+    )
     read = LogMetadata(
         made_by=fields.get("made_by", "unknown"),
         started=0.0,
@@ -948,11 +938,15 @@ def _metadata(path: Path, fields: dict[str, str]) -> tuple[LogMetadata, list[Dam
     try:
         read = replace(read, started=_seconds(fields.get("started", "1970-01-01T00:00:00Z")))
     except (ValueError, OverflowError, OSError):
-        damage.append(Damage(f"the start time in its {METADATA_NAME} metadata is invalid: {fields['started'][:40]!r}"))
+        damage.append(
+            mcap_records.Damage(
+                f"the start time in its {METADATA_NAME} metadata is invalid: {fields['started'][:40]!r}"
+            )
+        )
     try:
         read = replace(read, format_version=int(fields.get("format_version", FORMAT_VERSION)))
     except ValueError:
-        damage.append(Damage(f"the format in its {METADATA_NAME} metadata is invalid"))
+        damage.append(mcap_records.Damage(f"the format in its {METADATA_NAME} metadata is invalid"))
     if read.format_version > FORMAT_VERSION:
         raise NotALog(
             f"{path}: has format {read.format_version}; this version reads up to {FORMAT_VERSION}: update sonarhw"

@@ -32,42 +32,11 @@ from mcap_protobuf.schema import build_file_descriptor_set
 
 from sonarhw.errors import LogError, counted_are
 from sonarhw.files import DiskSpaceMonitor, atomic_file, unfinished_file
-from sonarhw.log.reader import (
-    BYTES,
-    FRAMES_RECEIVED,
-    FRAMES_SENT,
-    MEDIA_TYPE,
-    METADATA_NAME,
-    NAME,
-    PROFILE,
-    READINGS,
-    SWEEPS,
-    TOPICS,
-    TRACES,
-    Log,
-    LogMetadata,
-    RecordedFrame,
-    ScanDecoder,
-    index_of,
-    pack_index,
-)
+from sonarhw.log import reader
 from sonarhw.readings import Reading, Trace
+from sonarhw.wire import messages
 from sonarhw.wire.frames import Frame, encode_frame, frame_type
 from sonarhw.wire.limits import KEPT_READINGS, PROTOCOL_MAJOR, PROTOCOL_MINOR
-from sonarhw.wire.messages import (
-    Finished,
-    Info,
-    Message,
-    Outcome,
-    Settings,
-    Started,
-    centidegrees_of,
-    microdegrees_of,
-    microseconds_of,
-    millimetres_per_second_of,
-    radians_of,
-    seconds_of,
-)
 from sonarhw.wire.readings_of_frames import reading_message, trace_chunks
 
 # the file of a log: one that is written as a whole, or one that grows during a recording
@@ -311,7 +280,9 @@ def laser_scan(readings: Sequence[Reading], time: float) -> LaserScan:
     for heading in headings:
         grid[round((heading - start) / step)] = median_low(ranges[heading])
     end = start + round(step * (len(grid) - 1))
-    message = LaserScan(frame_id=FRAME_ID, start_angle=radians_of(start), end_angle=radians_of(end), ranges=grid)
+    message = LaserScan(
+        frame_id=FRAME_ID, start_angle=messages.radians_of(start), end_angle=messages.radians_of(end), ranges=grid
+    )
     message.timestamp.FromNanoseconds(round(time * 1e9))
     message.pose.orientation.w = 1.0
     return message
@@ -321,7 +292,7 @@ def _by_heading(readings: Sequence[Reading]) -> dict[int, list[float]]:
     """Return the ranges of all pings at each heading, in whole microdegrees, as in the messages."""
     ranges: dict[int, list[float]] = defaultdict(list)
     for reading in readings:
-        ranges[microdegrees_of(reading.angle)].append(math.inf if reading.range is None else reading.range)
+        ranges[messages.microdegrees_of(reading.angle)].append(math.inf if reading.range is None else reading.range)
     return ranges
 
 
@@ -434,20 +405,20 @@ def _protobuf(message: Any) -> Channel:
 
 
 DECODED = {
-    READINGS: Channel(
+    reader.READINGS: Channel(
         MessageEncoding.JSON, "sonarhw.Reading", SchemaEncoding.JSONSchema, json.dumps(_READING_SCHEMA).encode()
     ),
-    SWEEPS: _protobuf(LaserScan),
-    TRACES: _protobuf(TraceMessage),
+    reader.SWEEPS: _protobuf(LaserScan),
+    reader.TRACES: _protobuf(TraceMessage),
 }
 
 
 def reading_messages(reading: Reading) -> Iterator[tuple[str, bytes]]:
     """Yield topic and message of a reading, and of its trace if it has one."""
-    yield READINGS, json.dumps(_reading_record(reading)).encode()
+    yield reader.READINGS, json.dumps(_reading_record(reading)).encode()
     if reading.trace is not None:
         message = trace_message(reading.number, math.degrees(reading.angle), reading.trace)
-        yield TRACES, message.SerializeToString()
+        yield reader.TRACES, message.SerializeToString()
 
 
 def _reading_record(reading: Reading) -> dict[str, Any]:
@@ -483,7 +454,7 @@ class LogWriter:
     def __init__(
         self,
         file: Path | str | BinaryIO,
-        metadata: LogMetadata,
+        metadata: reader.LogMetadata,
         *,
         overwrite: bool = False,
         warn: Callable[[str], None] | None = None,
@@ -493,12 +464,12 @@ class LogWriter:
         self._disk_space = DiskSpaceMonitor(self._file.path, warn) if warn else None
         self._scanning = False
         self._scans = 0  # number of scans at the newest Started
-        self._decoder = ScanDecoder()
+        self._decoder = reader.ScanDecoder()
         self._sweeps = OpenSweeps()  # not yet written
         self._time = metadata.started
         self._writer = Writer(cast(IO[bytes], self._file), compression=CompressionType.NONE, enable_data_crcs=True)
-        self._writer.start(PROFILE)
-        self._writer.add_metadata(METADATA_NAME, metadata_record(metadata))
+        self._writer.start(reader.PROFILE)
+        self._writer.add_metadata(reader.METADATA_NAME, metadata_record(metadata))
         self._channels = _register_channels(self._writer)
         try:
             self._commit()
@@ -529,28 +500,28 @@ class LogWriter:
 
     def frame(self, received: bool, time: float, wire: bytes) -> None:
         """Record one frame's bytes with its delimiter; `time` is in s since the epoch. Raises LogError."""
-        self.take(RecordedFrame(time, received, wire))
+        self.take(reader.RecordedFrame(time, received, wire))
 
-    def take(self, recorded: RecordedFrame) -> list[Reading]:
+    def take(self, recorded: reader.RecordedFrame) -> list[Reading]:
         """Record a frame, and return the readings, without traces, that it completes. Raises LogError."""
         with self._lock:
             return self._take(recorded)
 
-    def _take(self, recorded: RecordedFrame) -> list[Reading]:
+    def _take(self, recorded: reader.RecordedFrame) -> list[Reading]:
         self._time = recorded.time
         kind = frame_type(recorded.wire[:-1]) if recorded.received else None
-        if kind == Started.TYPE:
+        if kind == messages.Started.TYPE:
             self._commit()  # frames of the previous scan
             self._scanning = True
         # the time as it will be read from the file, in whole ns
         placed = replace(recorded, time=round(recorded.time * 1e9) * 1e-9)
         readings = self._decoder.take(placed, self._file.tell())
         self._file.readings += len(readings)
-        if kind == Started.TYPE and self._scans != self._decoder.begun:
+        if kind == messages.Started.TYPE and self._scans != self._decoder.begun:
             self._scans = self._decoder.begun
             self._end_sweeps()
-        self._add(FRAMES_RECEIVED if recorded.received else FRAMES_SENT, recorded.wire)
-        if kind in (Finished.TYPE, Info.TYPE):
+        self._add(reader.FRAMES_RECEIVED if recorded.received else reader.FRAMES_SENT, recorded.wire)
+        if kind in (messages.Finished.TYPE, messages.Info.TYPE):
             self._scanning = False
         if not self._scanning:
             self._commit()
@@ -563,7 +534,7 @@ class LogWriter:
         """
         with self._lock:
             self._time = time
-            self._add(BYTES, data)
+            self._add(reader.BYTES, data)
 
     def reading(self, reading: Reading) -> None:
         """Write one decoded reading, with the frames before it, to disk. Raises LogError."""
@@ -589,8 +560,8 @@ class LogWriter:
             self._end_sweeps()
             self._commit()
             self._file.replace_old_file()
-            index = pack_index(index_of(self._decoder), self._file.tell())
-            self._writer.add_attachment(0, round(self._time * 1e9), NAME, MEDIA_TYPE, index)
+            index = reader.pack_index(reader.index_of(self._decoder), self._file.tell())
+            self._writer.add_attachment(0, round(self._time * 1e9), reader.NAME, reader.MEDIA_TYPE, index)
             self._writer.finish()  # type: ignore[no-untyped-call]
             self._file.flush()
         finally:
@@ -607,7 +578,7 @@ class LogWriter:
 
     def _end_sweep(self, readings: list[Reading]) -> None:
         times = [reading.host_time for reading in readings if reading.host_time is not None] or [self._time]
-        self._add(SWEEPS, laser_scan(readings, min(times)).SerializeToString(), min(times))
+        self._add(reader.SWEEPS, laser_scan(readings, min(times)).SerializeToString(), min(times))
 
     def _add(self, topic: str, data: bytes, published: float | None = None) -> None:
         if self._file.closed:
@@ -623,7 +594,7 @@ class LogWriter:
             self._disk_space.written(self._file.tell(), self._time)
 
 
-def metadata_record(metadata: LogMetadata) -> dict[str, str]:
+def metadata_record(metadata: reader.LogMetadata) -> dict[str, str]:
     """Return the text fields of the MCAP metadata record, with the start time as ISO 8601 in UTC."""
     fields = {
         "format_version": str(metadata.format_version),
@@ -642,17 +613,17 @@ def metadata_record(metadata: LogMetadata) -> dict[str, str]:
 
 def _register_channels(writer: Writer) -> dict[str, int]:
     encodings = {
-        FRAMES_RECEIVED: (_FRAME_ENCODING, 0),
-        FRAMES_SENT: (_FRAME_ENCODING, 0),
-        BYTES: ("application/octet-stream", 0),
+        reader.FRAMES_RECEIVED: (_FRAME_ENCODING, 0),
+        reader.FRAMES_SENT: (_FRAME_ENCODING, 0),
+        reader.BYTES: ("application/octet-stream", 0),
     }
     for topic, channel in DECODED.items():
         schema = writer.register_schema(channel.schema_name, channel.schema_encoding, channel.schema)
         encodings[topic] = (channel.encoding, schema)
-    return {topic: writer.register_channel(topic, *encodings[topic]) for topic in TOPICS}
+    return {topic: writer.register_channel(topic, *encodings[topic]) for topic in reader.TOPICS}
 
 
-def copy_log(log: Log, path: Path, *, overwrite: bool = False) -> None:
+def copy_log(log: reader.Log, path: Path, *, overwrite: bool = False) -> None:
     """Write the readable part of `log` to `path`, with index and sweeps, completely or not at all.
 
     Frames and their times are unchanged. Raises OutputError if the file exists (unless `overwrite`) or cannot be
@@ -679,7 +650,9 @@ _TICK = 1e-6  # s
 _HELLO, _CONFIGURE, _START_SCAN = range(3)  # sequence numbers of the assumed commands
 
 
-def write_scan(path: Path, metadata: LogMetadata, readings: Sequence[Reading], *, overwrite: bool = False) -> None:
+def write_scan(
+    path: Path, metadata: reader.LogMetadata, readings: Sequence[Reading], *, overwrite: bool = False
+) -> None:
     """Write one scan as a log that starts at `metadata.started`, completely or not at all.
 
     Decoding restores angles to 1 µdeg, times to 1 µs, ranges to 0.2 µm, traces to 8 bits, and the earliest 122 echoes.
@@ -699,16 +672,18 @@ def write_scan(path: Path, metadata: LogMetadata, readings: Sequence[Reading], *
 _Stamped = tuple[float, bytes]  # s since the scan began, frame
 
 
-def _encode(metadata: LogMetadata, readings: Sequence[Reading]) -> Iterator[tuple[list[_Stamped], Reading | None]]:
+def _encode(
+    metadata: reader.LogMetadata, readings: Sequence[Reading]
+) -> Iterator[tuple[list[_Stamped], Reading | None]]:
     """Yield the frames of a scan in pieces, each with its reading."""
     sequence = count()
 
-    def stamped(message: Message, time: float) -> _Stamped:
-        frame = Frame(message.TYPE, next(sequence) % 0x10000, microseconds_of(time), message.pack())
+    def stamped(message: messages.Message, time: float) -> _Stamped:
+        frame = Frame(message.TYPE, next(sequence) % 0x10000, messages.microseconds_of(time), message.pack())
         return time, encode_frame(frame)
 
     settings = _settings(readings)
-    greeting = (_info(metadata, readings), settings, Started(_START_SCAN, len(readings)))
+    greeting = (_info(metadata, readings), settings, messages.Started(_START_SCAN, len(readings)))
     yield [stamped(message, 0.0) for message in greeting], None
     first = min((reading.time for reading in readings), default=0.0)
     time, fired = 0.0, -_TICK
@@ -716,41 +691,41 @@ def _encode(metadata: LogMetadata, readings: Sequence[Reading]) -> Iterator[tupl
         # a ping is identified by its time, so two pings must not have the same time
         fired = max(reading.time - first, fired + _TICK)
         reading = replace(reading, number=number, time=fired)
-        time = max(time, reading.time + seconds_of(settings.listen_us))
+        time = max(time, reading.time + messages.seconds_of(settings.listen_us))
         frames = [stamped(reading_message(reading, settings.speed_of_sound), time)]
         if reading.trace is not None:
             frames += [stamped(chunk, time) for chunk in trace_chunks(number, reading.trace)]
         yield frames, reading
-    yield [stamped(Finished(_START_SCAN, Outcome.DONE, len(readings), ""), time)], None
+    yield [stamped(messages.Finished(_START_SCAN, messages.Outcome.DONE, len(readings), ""), time)], None
 
 
 def _speed_of_sound(readings: Sequence[Reading]) -> int:
     speed = readings[0].speed_of_sound if readings else 0.0
     if readings and not (math.isfinite(speed) and speed >= 1):
         raise ValueError(f"reading 0 has a speed of sound of {speed} m/s; expected at least 1 m/s")
-    return millimetres_per_second_of(speed)
+    return messages.millimetres_per_second_of(speed)
 
 
-def _info(metadata: LogMetadata, readings: Sequence[Reading]) -> Info:
+def _info(metadata: reader.LogMetadata, readings: Sequence[Reading]) -> messages.Info:
     traces = [reading.trace for reading in readings if reading.trace is not None]
-    return Info(
+    return messages.Info(
         command=_HELLO,
         major=PROTOCOL_MAJOR,
         minor=PROTOCOL_MINOR,
         firmware=f"sonarhw {metadata.made_by} {metadata.product_version}",
         serial="",
         board=metadata.board,
-        temperature=centidegrees_of(readings[0].temperature_c if readings else None),
+        temperature=messages.centidegrees_of(readings[0].temperature_c if readings else None),
         trace_rate=round(traces[0].rate) if traces else 0,
         microsteps=0,
     )
 
 
-def _settings(readings: Sequence[Reading]) -> Settings:
+def _settings(readings: Sequence[Reading]) -> messages.Settings:
     traces = [reading.trace for reading in readings if reading.trace is not None]
     ends = [reading.echo_times[-1] for reading in readings if reading.echo_times]
     ends += [trace.start + len(trace.samples) / trace.rate for trace in traces]
-    return Settings(
+    return messages.Settings(
         command=_CONFIGURE,
         listen_us=math.ceil(max(ends, default=0.0) * 1e6),
         blanking_us=0,

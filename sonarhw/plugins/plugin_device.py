@@ -19,24 +19,8 @@ from sonarhw.plugins.device_plugin import CheckedPlugin, Measurement, start_of
 from sonarhw.plugins.sweep_tracker import Placed, SweepTracker
 from sonarhw.readings import ScanOrder
 from sonarhw.sound_speed import speed_of_sound
+from sonarhw.wire import messages
 from sonarhw.wire.limits import MAX_ECHOES, PROTOCOL_MAJOR, PROTOCOL_MINOR
-from sonarhw.wire.messages import (
-    NO_TEMPERATURE,
-    Configure,
-    Info,
-    ReadingMessage,
-    Refusal,
-    Settings,
-    StartScan,
-    Turn,
-    Zero,
-    centidegrees_of,
-    microdegrees_of,
-    microseconds_of,
-    millimetres_per_second_of,
-    nanoseconds_of,
-    seconds_of,
-)
 from sonarhw.wire.readings_of_frames import scan_order
 
 MOST_LEAD = 20_000  # readings before the first whole sweep
@@ -73,14 +57,14 @@ class PluginDevice(ProtocolDevice):
         self.tracker: SweepTracker | None = None  # of the newest scan, unless the device takes orders
         self._plugin = plugin
         self._order = order
-        self._settings = Settings(0, 0, 0, 0, 0)
+        self._settings = messages.Settings(0, 0, 0, 0, 0)
         self._interrupted = False  # whether the link was lost during a scan
         self._arrived: deque[Measurement] = deque()
         self._silent = False
         self._number = 0  # of the next reading
         self._fired_us = 0  # of the newest reading
         self._angle = 0
-        self._temperature = NO_TEMPERATURE
+        self._temperature = messages.NO_TEMPERATURE
 
     def temperature(self) -> int:
         """Return the temperature in the newest measurement."""
@@ -90,15 +74,17 @@ class PluginDevice(ProtocolDevice):
         """Return the angle of the newest reading, µdeg."""
         return self._angle
 
-    def info(self, sequence: int) -> Info:
+    def info(self, sequence: int) -> messages.Info:
         """Return the identity. The zero of the turntable is where the device measures 0."""
         about = self._plugin.identity
         texts = about.name, about.serial, about.board
-        return Info(sequence, PROTOCOL_MAJOR, PROTOCOL_MINOR, *texts, NO_TEMPERATURE, 0, 0, homed=Zero.MARK)
+        return messages.Info(
+            sequence, PROTOCOL_MAJOR, PROTOCOL_MINOR, *texts, messages.NO_TEMPERATURE, 0, 0, homed=messages.Zero.MARK
+        )
 
-    def configure(self, request: Configure, sequence: int) -> Settings:
+    def configure(self, request: messages.Configure, sequence: int) -> messages.Settings:
         """Use the speed of sound, the listening time and the number of echoes for the readings."""
-        self._settings = Settings(
+        self._settings = messages.Settings(
             sequence, request.listen_us, request.blanking_us, 0, request.speed_of_sound, echoes=request.echoes
         )
         return self._settings
@@ -107,15 +93,17 @@ class PluginDevice(ProtocolDevice):
         """End at once."""
         return iter(())
 
-    def turning(self, order: Turn, now: float) -> Iterator[float]:
+    def turning(self, order: messages.Turn, now: float) -> Iterator[float]:
         """Refuse."""
-        raise RefusalError(Refusal.UNKNOWN, "this device cannot be turned by a command")
+        raise RefusalError(messages.Refusal.UNKNOWN, "this device cannot be turned by a command")
 
-    def scanning(self, order: StartScan, now: float) -> tuple[int, Iterator[float]]:
+    def scanning(self, order: messages.StartScan, now: float) -> tuple[int, Iterator[float]]:
         """Begin a scan, or continue the one that the loss of the link has interrupted."""
         continued = self._interrupted and (order.first > 0 or order.count > 0)
         self._interrupted, self._silent, self.failure, self._number = False, False, None, order.first
-        self._fired_us = max(microseconds_of(now), self._fired_us)  # the host ignores readings before its order
+        self._fired_us = max(
+            messages.microseconds_of(now), self._fired_us
+        )  # the host ignores readings before its order
         if not continued:
             self._begin(order)
         elif self.tracker:
@@ -150,7 +138,7 @@ class PluginDevice(ProtocolDevice):
         self._silent = True
         self.wake(now)
 
-    def _begin(self, order: StartScan) -> None:
+    def _begin(self, order: messages.StartScan) -> None:
         self._arrived.clear()
         if self._plugin.takes_orders:
             self.tracker = None
@@ -190,11 +178,11 @@ class PluginDevice(ProtocolDevice):
     def _report_all(self, ready: list[Placed]) -> None:
         for placed in ready:
             measured = placed.measurement
-            time_us = microseconds_of((measured.time or 0.0) - (self._start_time or 0.0))
+            time_us = messages.microseconds_of((measured.time or 0.0) - (self._start_time or 0.0))
             self._fired_us = max(time_us, self._fired_us + _TICK_US)
-            self._angle = microdegrees_of(measured.angle)
-            self._temperature = centidegrees_of(measured.temperature_c)
-            reading = ReadingMessage(
+            self._angle = messages.microdegrees_of(measured.angle)
+            self._temperature = messages.centidegrees_of(measured.temperature_c)
+            reading = messages.ReadingMessage(
                 number=self._number,
                 sweep=placed.sweep % 0x10000,
                 ping=min(placed.ping, 0xFF),
@@ -210,7 +198,9 @@ class PluginDevice(ProtocolDevice):
         """Return the times of the echoes within the listening time, ns."""
         speed = self._settings.speed_of_sound * 1e-3
         times = sorted(2 * distance / speed for distance in measured.ranges)
-        heard = [nanoseconds_of(time) for time in times if 0 < time <= seconds_of(self._settings.listen_us)]
+        heard = [
+            messages.nanoseconds_of(time) for time in times if 0 < time <= messages.seconds_of(self._settings.listen_us)
+        ]
         return tuple(heard[: min(self._settings.echoes, MAX_ECHOES)])
 
     # failures
@@ -239,7 +229,9 @@ class PluginLink:
         self.takes_orders = plugin.takes_orders
         self._plugin = plugin
         self._device = PluginDevice(self._plugin, self._set_order)
-        self.settings = Configure(62_500, 0, 0, millimetres_per_second_of(speed_of_sound()))  # before `configure`
+        self.settings = messages.Configure(
+            62_500, 0, 0, messages.millimetres_per_second_of(speed_of_sound())
+        )  # before `configure`
         self._now: Callable[[], float] = time.time
         self._changed = threading.Condition()  # guards what follows
         self._arrived: deque[Arrival] = deque()

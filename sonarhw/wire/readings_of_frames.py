@@ -9,30 +9,8 @@ from itertools import pairwise
 import numpy as np
 
 from sonarhw.readings import FloatArray, Origin, Reading, ScanOrder, Trace
+from sonarhw.wire import messages
 from sonarhw.wire.limits import CHUNK, KEPT_READINGS, MAX_ECHOES
-from sonarhw.wire.messages import (
-    FULL_SCALE,
-    Configure,
-    Finished,
-    Heartbeat,
-    Info,
-    Message,
-    ReadingMessage,
-    Settings,
-    Started,
-    StartScan,
-    TraceChunk,
-    TraceKind,
-    centidegrees_of,
-    degrees_c,
-    microdegrees_of,
-    microseconds_of,
-    nanoseconds_of,
-    radians_of,
-    seconds_of,
-    seconds_of_nanoseconds,
-    sound_speed_of,
-)
 
 
 class ReadingArrivals:
@@ -180,7 +158,7 @@ class DeviceClock:
 
     def add_frame(self, device_us: int, arrived: float) -> None:
         """Add a frame with device time `device_us` that arrived at host time `arrived`."""
-        device = seconds_of(device_us)
+        device = messages.seconds_of(device_us)
         if self._restarted or (self.known and self._before + device < self._newest - _RAN_BACK):
             self._restart(device, arrived)
         device += self._before
@@ -195,7 +173,7 @@ class DeviceClock:
 
     def continued(self, device_us: int) -> float:
         """Return the device time as if the device had never been reset, s."""
-        return self._before + seconds_of(device_us)
+        return self._before + messages.seconds_of(device_us)
 
     def host_time(self, continued: float) -> float | None:
         """Return the host time at a continued device time, or None before the first frame."""
@@ -226,45 +204,47 @@ class DeviceClock:
 # readings, traces and scan orders as messages
 
 
-def reading_message(reading: Reading, speed_of_sound: int) -> ReadingMessage:
+def reading_message(reading: Reading, speed_of_sound: int) -> messages.ReadingMessage:
     """Return the message of a reading, with echo times that give the same ranges at `speed_of_sound`, mm/s.
 
     Contains the earliest MAX_ECHOES echoes. Packing raises MessageError if a value does not fit.
     """
     scale = reading.speed_of_sound / (speed_of_sound * 1e-3) * 1e9
-    return ReadingMessage(
+    return messages.ReadingMessage(
         number=reading.number,
         sweep=reading.sweep,
         ping=reading.ping,
-        angle=microdegrees_of(reading.angle),
-        fired_us=microseconds_of(reading.time),
-        temperature=centidegrees_of(reading.temperature_c),
+        angle=messages.microdegrees_of(reading.angle),
+        fired_us=messages.microseconds_of(reading.time),
+        temperature=messages.centidegrees_of(reading.temperature_c),
         echoes=tuple(round(time * scale) for time in reading.echo_times[:MAX_ECHOES]),
     )
 
 
-def trace_chunks(number: int, trace: Trace) -> Iterator[TraceChunk]:
+def trace_chunks(number: int, trace: Trace) -> Iterator[messages.TraceChunk]:
     """Yield the messages of the trace of reading `number`, 8 bits per sample, at most 65 535 samples.
 
     Missing samples (NaN) are marked as lost; chunks without any sample are omitted.
     """
     samples = (trace.samples[:0xFFFF] + 1) / 2 if trace.carrier else trace.samples[:0xFFFF]
-    levels = np.clip(np.rint(samples * FULL_SCALE), 0, FULL_SCALE)
-    kind = TraceKind.CARRIER if trace.carrier else TraceKind.ENVELOPE
-    period, start = round(1e9 / trace.rate), nanoseconds_of(trace.start)
+    levels = np.clip(np.rint(samples * messages.FULL_SCALE), 0, messages.FULL_SCALE)
+    kind = messages.TraceKind.CARRIER if trace.carrier else messages.TraceKind.ENVELOPE
+    period, start = round(1e9 / trace.rate), messages.nanoseconds_of(trace.start)
     for offset in range(0, len(levels), CHUNK):
         stretch = levels[offset : offset + CHUNK]
         lost = np.isnan(stretch)
         if not lost.all():
             sent, gaps = np.nan_to_num(stretch).astype(np.uint8), np.flatnonzero(lost).astype(np.uint8)
-            yield TraceChunk(number, offset, len(levels), period, start, sent.tobytes(), kind, lost=gaps.tobytes())
+            yield messages.TraceChunk(
+                number, offset, len(levels), period, start, sent.tobytes(), kind, lost=gaps.tobytes()
+            )
 
 
-def scan_order(message: StartScan) -> ScanOrder:
+def scan_order(message: messages.StartScan) -> ScanOrder:
     """Return the whole scan of which `message` requests all or a part."""
     return ScanOrder(
-        radians_of(message.start),
-        radians_of(message.step),
+        messages.radians_of(message.start),
+        messages.radians_of(message.step),
         message.headings,
         message.sweeps,
         message.pings,
@@ -272,11 +252,11 @@ def scan_order(message: StartScan) -> ScanOrder:
     )
 
 
-def start_scan(order: ScanOrder) -> StartScan:
+def start_scan(order: ScanOrder) -> messages.StartScan:
     """Return the message that requests the whole scan. Packing raises MessageError if a value does not fit."""
-    return StartScan(
-        start=microdegrees_of(order.start),
-        step=microdegrees_of(order.step),
+    return messages.StartScan(
+        start=messages.microdegrees_of(order.start),
+        step=messages.microdegrees_of(order.step),
         headings=order.headings,
         sweeps=order.sweeps,
         pings=order.pings,
@@ -292,12 +272,12 @@ _COARSEST = 200  # microsteps per turn; assumed if the device does not report it
 _ROUNDING = 1_000  # ns; the settings are in µs
 
 
-def readings_requested(order: StartScan) -> int:
+def readings_requested(order: messages.StartScan) -> int:
     """Return the number of readings that a StartScan requests."""
     return order.count or max(0, order.headings * order.sweeps * order.pings - order.first)
 
 
-def broken_start_rule(order: StartScan, answer: Started) -> str | None:
+def broken_start_rule(order: messages.StartScan, answer: messages.Started) -> str | None:
     """Return how the answer to a StartScan breaks the protocol; None if it does not."""
     expected = readings_requested(order)
     if (answer.readings, answer.first) == (expected, order.first):
@@ -308,7 +288,7 @@ def broken_start_rule(order: StartScan, answer: Started) -> str | None:
     )
 
 
-def broken_settings_rule(request: Configure, answer: Settings) -> str | None:
+def broken_settings_rule(request: messages.Configure, answer: messages.Settings) -> str | None:
     """Return how the answer to a Configure breaks the protocol; None if it does not."""
     if answer.speed_of_sound == 0:
         return "Settings contains a speed_of_sound of 0; expected the requested one"
@@ -320,7 +300,7 @@ def broken_settings_rule(request: Configure, answer: Settings) -> str | None:
 
 
 def broken_reading_rule(
-    reading: ReadingMessage, order: StartScan, settings: Settings | None, microsteps: int
+    reading: messages.ReadingMessage, order: messages.StartScan, settings: messages.Settings | None, microsteps: int
 ) -> str | None:
     """Return how a reading of the scan `order` breaks the protocol; None if it does not.
 
@@ -332,7 +312,7 @@ def broken_reading_rule(
     return f"reading {reading.number}: {broken}" if broken else None
 
 
-def _broken_place(reading: ReadingMessage, order: StartScan, microsteps: int) -> str | None:
+def _broken_place(reading: messages.ReadingMessage, order: messages.StartScan, microsteps: int) -> str | None:
     heading, ping = divmod(reading.number, order.pings)
     sweep, index = divmod(heading, order.headings)
     if (reading.sweep, reading.ping) != (sweep, ping):
@@ -350,7 +330,7 @@ def _broken_order(echoes: tuple[int, ...]) -> str | None:
     return None
 
 
-def _broken_window(echoes: tuple[int, ...], settings: Settings) -> str | None:
+def _broken_window(echoes: tuple[int, ...], settings: messages.Settings) -> str | None:
     if len(echoes) > settings.echoes:
         return f"{len(echoes)} echoes; Settings allows {settings.echoes}"
     if echoes and echoes[0] < settings.blanking_us * 1000 - _ROUNDING:
@@ -390,9 +370,12 @@ _TRACES_HELD = 4  # traces kept without their readings, which may be sent again
 class _PartialTrace:
     """The chunks of one trace that have arrived so far."""
 
-    def __init__(self, chunk: TraceChunk) -> None:
-        self._period, self._start = seconds_of_nanoseconds(chunk.period_ns), seconds_of_nanoseconds(chunk.start_ns)
-        self._carrier = chunk.kind == TraceKind.CARRIER
+    def __init__(self, chunk: messages.TraceChunk) -> None:
+        self._period, self._start = (
+            messages.seconds_of_nanoseconds(chunk.period_ns),
+            messages.seconds_of_nanoseconds(chunk.start_ns),
+        )
+        self._carrier = chunk.kind == messages.TraceKind.CARRIER
         self._samples: FloatArray = np.full(chunk.total, np.nan)
         self._arrived = np.zeros(chunk.total, np.bool_)
 
@@ -400,7 +383,7 @@ class _PartialTrace:
     def complete(self) -> bool:
         return bool(self._arrived.all())
 
-    def add(self, chunk: TraceChunk) -> None:
+    def add(self, chunk: messages.TraceChunk) -> None:
         values = _sample_values(chunk)
         if chunk.offset + len(values) <= len(self._samples):
             self._samples[chunk.offset : chunk.offset + len(values)] = values
@@ -410,15 +393,15 @@ class _PartialTrace:
         return Trace(self._samples, 1 / self._period, self._start, self._carrier)
 
 
-def _sample_values(chunk: TraceChunk) -> FloatArray:
+def _sample_values(chunk: messages.TraceChunk) -> FloatArray:
     """Return the samples of a chunk: 0 to 1 for an envelope, −1 to 1 for a carrier."""
     wide = chunk.bits == _WIDE
     whole = len(chunk.samples) // 2 * 2 if wide else len(chunk.samples)
     levels = np.frombuffer(chunk.samples[:whole], "<u2" if wide else "u1").astype(np.float64)
-    values: FloatArray = levels / (FULL_SCALE * 257 if wide else FULL_SCALE)
+    values: FloatArray = levels / (messages.FULL_SCALE * 257 if wide else messages.FULL_SCALE)
     lost = np.frombuffer(chunk.lost, "u1")
     values[lost[lost < len(values)]] = np.nan
-    return 2 * values - 1 if chunk.kind == TraceKind.CARRIER else values
+    return 2 * values - 1 if chunk.kind == messages.TraceKind.CARRIER else values
 
 
 class ReadingAssembler:
@@ -431,23 +414,25 @@ class ReadingAssembler:
 
     def __init__(self, clock: DeviceClock | None = None) -> None:
         """`clock` maps device time to host time. It may already contain earlier frames of the device."""
-        self.settings: Settings | None = None
+        self.settings: messages.Settings | None = None
         self._clock = clock or DeviceClock()
         self._seen: deque[int] = deque(maxlen=_REMEMBERED)
         self._newest = -1  # device clock of the newest ping, µs
         self._scan = -1  # sequence number of the StartScan
-        self._waiting: ReadingMessage | None = None
+        self._waiting: messages.ReadingMessage | None = None
         self._origin: Origin | None = None
         self._traces: dict[int, _PartialTrace] = {}
 
-    def feed(self, message: Message, sent_us: int | None = None, arrived: float | None = None) -> list[Reading]:
+    def feed(
+        self, message: messages.Message, sent_us: int | None = None, arrived: float | None = None
+    ) -> list[Reading]:
         """Return the readings that this message completes, in the order of their arrival.
 
         `sent_us` is the device time in the frame, µs; `arrived` is the host time of its arrival, s.
         """
         # the waiting reading was made before the reset, so its time is converted first
         ended: list[Reading] = []
-        if isinstance(message, Info):
+        if isinstance(message, messages.Info):
             ended = self.flush()
             self._clock.set_boot(message.boot)
             self._origin = origin_of("scan", message.firmware, message.serial)
@@ -455,23 +440,25 @@ class ReadingAssembler:
             self._clock.add_frame(sent_us, arrived)
         return ended + self._take(message)
 
-    def _take(self, message: Message) -> list[Reading]:
+    def _take(self, message: messages.Message) -> list[Reading]:
         match message:
-            case Settings():
+            case messages.Settings():
                 self.settings = message
-            case Info():
+            case messages.Info():
                 self._seen.clear()
                 self._newest = -1
                 return self._begin(scan=-1)
-            case Started() if message.command != self._scan:
+            case messages.Started() if message.command != self._scan:
                 return self._begin(scan=message.command)
-            case ReadingMessage():
+            case messages.ReadingMessage():
                 return self._start(message)
-            case TraceChunk():
+            case messages.TraceChunk():
                 return self._add(message)
-            case Heartbeat() | Finished():
+            case messages.Heartbeat() | messages.Finished():
                 # a heartbeat may arrive between two chunks; one after the next ping shows that chunks are lost
-                if isinstance(message, Finished) or (self._waiting and message.readings > self._waiting.number + 1):
+                if isinstance(message, messages.Finished) or (
+                    self._waiting and message.readings > self._waiting.number + 1
+                ):
                     return self.flush()
         return []
 
@@ -488,7 +475,7 @@ class ReadingAssembler:
         self._traces.clear()
         return ended
 
-    def _start(self, message: ReadingMessage) -> list[Reading]:
+    def _start(self, message: messages.ReadingMessage) -> list[Reading]:
         if message.fired_us in self._seen:
             return []
         self._seen.append(message.fired_us)
@@ -502,7 +489,7 @@ class ReadingAssembler:
         trace = self._traces.get(message.number)
         return [*ended, *self.flush()] if trace and trace.complete else ended
 
-    def _add(self, chunk: TraceChunk) -> list[Reading]:
+    def _add(self, chunk: messages.TraceChunk) -> list[Reading]:
         if chunk.period_ns == 0:
             return []
         if chunk.number not in self._traces:
@@ -517,21 +504,23 @@ class ReadingAssembler:
     def _speed_of_sound(self) -> float:
         # 0 breaks the protocol; every range would be 0
         return (
-            sound_speed_of(self.settings.speed_of_sound) if self.settings and self.settings.speed_of_sound else math.nan
+            messages.sound_speed_of(self.settings.speed_of_sound)
+            if self.settings and self.settings.speed_of_sound
+            else math.nan
         )
 
-    def _reading(self, message: ReadingMessage) -> Reading:
+    def _reading(self, message: messages.ReadingMessage) -> Reading:
         partial = self._traces.pop(message.number, None)
         time = self._clock.continued(message.fired_us)
         return Reading(
             number=message.number,
             sweep=message.sweep,
             ping=message.ping,
-            angle=radians_of(message.angle),
+            angle=messages.radians_of(message.angle),
             time=time,
-            echo_times=tuple(map(seconds_of_nanoseconds, message.echoes)),
+            echo_times=tuple(map(messages.seconds_of_nanoseconds, message.echoes)),
             speed_of_sound=self._speed_of_sound,
-            temperature_c=degrees_c(message.temperature),
+            temperature_c=messages.degrees_c(message.temperature),
             trace=partial.trace() if partial else None,
             host_time=self._clock.host_time(time),
             origin=self._origin,

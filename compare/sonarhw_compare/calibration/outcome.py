@@ -121,9 +121,9 @@ class Calibration:
         try:
             profile: Any = tomlkit.parse(self.start.text)
             profile["name"] = name
-            for one in self.findings:
-                mark = one.mark or f"calibrated, 95 % {one.interval_text}"
-                set_marked(profile, one.key, float(one.text), one.before, mark)
+            for finding in self.findings:
+                mark = finding.mark or f"calibrated, 95 % {finding.interval_text}"
+                set_marked(profile, finding.key, float(finding.text), finding.before, mark)
             if self.own_body:
                 profile["own_body"] = _tables(self.own_body)
             text = tomlkit.dumps(profile)

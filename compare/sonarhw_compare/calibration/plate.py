@@ -131,7 +131,7 @@ class _Hearing:
         heard = ndtr((level - threshold) / scatter)
         at_errors = np.array([np.interp(_ANGLES + error * one, _ANGLES, heard) for one in _ERRORS])
         counts, below, share = self._headings
-        table = np.log([_chances(at_errors, *one) for one in counts]).ravel()
+        table = np.log([_chances(at_errors, *count) for count in counts]).ravel()
         before, after = table[below], table[below + 1]
         found = (before + share * (after - before)).sum(axis=1)
         return float(logsumexp(found - ((self._turns / self.turn_deviation) ** 2) / 2))
@@ -205,7 +205,7 @@ def _moments(
         drawn /= np.sqrt(random.chisquare(_FREEDOM, (_SAMPLES, 1)) / _FREEDOM)
         samples = mean + drawn @ wide.T
         proposed = -(_FREEDOM + size) / 2 * np.log1p((drawn**2).sum(axis=1) / _FREEDOM)
-        weights = _weights(np.array([log_density(one) for one in samples]) - proposed)
+        weights = _weights(np.array([log_density(sample) for sample in samples]) - proposed)
         mean = weights @ samples
         beside = samples - mean
         covariance = (beside * weights[:, None]).T @ beside
@@ -445,7 +445,7 @@ def _fit_of(problem: _Problem, values: FloatArray) -> LevelFit:
         deviations,
         problem.trace_level(values),
         float(1 - problem.counted.mean()),
-        max((abs(float(np.median(one))) for one in residuals), default=0.0),
+        max((abs(float(np.median(residual))) for residual in residuals), default=0.0),
     )
 
 
@@ -456,10 +456,10 @@ def _covariance(problem: _Problem, values: FloatArray) -> FloatArray:
 
 def _widening(problem: _Problem, values: FloatArray) -> float:
     """Return the factor of variances: over 1 if neighbouring residuals are alike, or residuals too large."""
-    by_scan = [one for one in problem.peak_residuals(values) if len(one) > 2]
+    by_scan = [residual for residual in problem.peak_residuals(values) if len(residual) > 2]
     products = [one[1:] * one[:-1] for one in by_scan]
     power = sum(float((one**2).sum()) for one in by_scan)
-    alike = float(np.clip(sum(float(one.sum()) for one in products) / power, 0.0, 0.9)) if power else 0.0
+    alike = float(np.clip(sum(float(product.sum()) for product in products) / power, 0.0, 0.9)) if power else 0.0
     residuals = problem.residuals(values)
     excess = float((residuals**2).sum()) / max(1, len(residuals) - len(values))
     return (1 + alike) / (1 - alike) * max(1.0, excess)

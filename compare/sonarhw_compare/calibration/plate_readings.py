@@ -230,11 +230,11 @@ def plate_readings(
         pings,
         heard,
         _mean_peaks(pulses, angles),
-        np.array([one.echo_times[0] for one in readings if one.echo_times]),
+        np.array([reading.echo_times[0] for reading in readings if reading.echo_times]),
         blanked_until,
         pulses,
         _begin(near, distance),
-        max((float(np.nanmax(one.samples)) for one in pulses), default=0.0),
+        max((float(np.nanmax(pulse.samples)) for pulse in pulses), default=0.0),
     )
     found = replace(found, middle=_middle(found, board))
     _check(found)
@@ -252,7 +252,7 @@ def _heard(
     readings: Sequence[Reading], rows: NDArray[np.intp], count: int, nearest: float, farthest: float
 ) -> NDArray[np.intp]:
     """Return how many pings at each heading have an echo from `nearest` to `farthest` m, (count,)."""
-    heard = [any(nearest <= echo <= farthest for echo in one.echo_ranges) for one in readings]
+    heard = [any(nearest <= echo <= farthest for echo in reading.echo_ranges) for reading in readings]
     return np.bincount(rows[np.array(heard, dtype=np.bool_)], minlength=count)
 
 
@@ -310,12 +310,12 @@ def _mean_peaks(pulses: Sequence[EchoPulse], angles: FloatArray) -> FloatArray:
 
 def _begin(readings: Sequence[Reading], distance: float) -> EchoPulse | None:
     """Return the mean of all traces from the start of transmission to the echo of the plate."""
-    traces = [one for one in readings if one.trace is not None]
+    traces = [reading for reading in readings if reading.trace is not None]
     parts = []
-    for one in traces:
-        assert one.trace is not None
-        times = one.trace.times
-        parts.append((times, envelope_of(one.trace)[times < 2 * distance / one.speed_of_sound - _BEFORE]))
+    for trace in traces:
+        assert trace.trace is not None
+        times = trace.trace.times
+        parts.append((times, envelope_of(trace.trace)[times < 2 * distance / trace.speed_of_sound - _BEFORE]))
     length = min((len(samples) for _, samples in parts), default=0)
     if length == 0:
         return None

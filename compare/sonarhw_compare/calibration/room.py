@@ -22,23 +22,9 @@ from sonarhw.readings import BoolArray, FloatArray, Reading
 from sonarhw_compare.arcs import place_numbers
 from sonarhw_compare.calibration.outcome import CalibratedValue, Calibration, Measured
 from sonarhw_compare.edits import Z95
+from sonarhw_compare.fit import quantities
 from sonarhw_compare.fit.objective import MODERATE, Objective, Problem, make_problem
 from sonarhw_compare.fit.parameters import Parameter
-from sonarhw_compare.fit.quantities import (
-    APERTURE,
-    AXIS_X,
-    AXIS_Y,
-    HEADING,
-    OFFSET,
-    REFLECTANCE,
-    SCALE,
-    SLOPE,
-    THRESHOLD,
-    BoardQuantity,
-    X,
-    Y,
-    reflectance_of,
-)
 from sonarhw_compare.fit.result import PlacedScan, Progress, check_given_once
 from sonarhw_compare.fit.search import climb, covariance_of, refined
 from sonarhw_compare.fit.starting import all_round, best_agreement, fit_scan
@@ -243,7 +229,7 @@ def _without(
 
 def _step(readings: Sequence[Reading]) -> float:
     """Return the usual step between the angles of a scan, rad."""
-    angles = np.unique(np.round(np.remainder([one.angle for one in readings], math.tau), 6))
+    angles = np.unique(np.round(np.remainder([reading.angle for reading in readings], math.tau), 6))
     return float(np.median(np.diff(angles))) if len(angles) > 1 else math.tau
 
 
@@ -436,14 +422,14 @@ _CLIMBS = 6  # at most, for the spreads
 _GAIN = 0.01  # of the log-likelihood, that is worth another climb
 _RANGE, _LEVEL = 0, 1  # rows of the noises
 # shared quantities, with the standard deviation of their priors around the given profile; None: none
-SHARED: tuple[tuple[BoardQuantity, float | None], ...] = (
-    (OFFSET, 0.03),
-    (SLOPE, 0.01),
-    (SCALE, 0.05),
-    (AXIS_X, 0.01),
-    (AXIS_Y, 0.01),
-    (THRESHOLD, 5.0),
-    (APERTURE, None),
+SHARED: tuple[tuple[quantities.BoardQuantity, float | None], ...] = (
+    (quantities.OFFSET, 0.03),
+    (quantities.SLOPE, 0.01),
+    (quantities.SCALE, 0.05),
+    (quantities.AXIS_X, 0.01),
+    (quantities.AXIS_Y, 0.01),
+    (quantities.THRESHOLD, 5.0),
+    (quantities.APERTURE, None),
 )
 
 
@@ -473,15 +459,15 @@ def fit_turntable(
     shared = {
         quantity.key: Measured(quantity.read(quantity.put(board, float(values[row]))), float(deviations[row]))
         for row, parameter in enumerate(problem.parameters)
-        if isinstance(quantity := parameter.quantity, BoardQuantity)
+        if isinstance(quantity := parameter.quantity, quantities.BoardQuantity)
     }
     reflectances = {
         problem.parameters[row].of: Measured(float(values[row]), float(deviations[row]))
-        for row in problem.rows_of(REFLECTANCE)
+        for row in problem.rows_of(quantities.REFLECTANCE)
     }
     # between the steps of the likelihood the curvature along the scale is that of the prior
-    scale = shared[SCALE.key]
-    shared[SCALE.key] = replace(scale, deviation=min(scale.deviation, start.scale_deviation))
+    scale = shared[quantities.SCALE.key]
+    shared[quantities.SCALE.key] = replace(scale, deviation=min(scale.deviation, start.scale_deviation))
     return TurntableFit(shared, reflectances, problem.setting(values)[1])
 
 
@@ -489,11 +475,13 @@ def _problem(scans: Sequence[PlacedScan], room: Room, board: Board, start: Start
     parameters: list[Parameter] = []
     placed = []
     for k, (scan, found) in enumerate(zip(scans, start.places, strict=True)):
-        for quantity, at in zip((X, Y), scan.place.position, strict=True):
+        for quantity, at in zip((quantities.X, quantities.Y), scan.place.position, strict=True):
             parameters.append(Parameter(quantity, "", k, at - _REACH, at + _REACH, at, POSITION_SD, str(k)))
-        parameters.append(Parameter(HEADING, "", k, found.heading - _TURN, found.heading + _TURN, label=str(k)))
+        parameters.append(
+            Parameter(quantities.HEADING, "", k, found.heading - _TURN, found.heading + _TURN, label=str(k))
+        )
         placed.append(replace(scan, place=replace(scan.place, heading=found.heading)))
-    begin = {SCALE: start.scale, THRESHOLD: start.threshold_db}
+    begin = {quantities.SCALE: start.scale, quantities.THRESHOLD: start.threshold_db}
     for shared, deviation in SHARED:
         lower, upper = shared.bounds(room, board)
         expected = None if deviation is None else begin.get(shared, shared.value(board))
@@ -506,11 +494,11 @@ def _problem(scans: Sequence[PlacedScan], room: Room, board: Board, start: Start
 
 def _reflectances(room: Room, board: Board) -> list[Parameter]:
     """Return the reflectance of each material, with the bounds and the prior that `fit` states."""
-    lower, upper = REFLECTANCE.bounds(room, board)
-    deviation = REFLECTANCE.tolerance(board) if REFLECTANCE.tolerance else None
-    present = {name: reflectance_of(room, name) for name in REFLECTANCE.parts(room)}
+    lower, upper = quantities.REFLECTANCE.bounds(room, board)
+    deviation = quantities.REFLECTANCE.tolerance(board) if quantities.REFLECTANCE.tolerance else None
+    present = {name: quantities.reflectance_of(room, name) for name in quantities.REFLECTANCE.parts(room)}
     return [
-        Parameter(REFLECTANCE, name, None, lower, upper, value, deviation)
+        Parameter(quantities.REFLECTANCE, name, None, lower, upper, value, deviation)
         for name, value in present.items()
         if lower <= value <= upper
     ]
@@ -529,7 +517,7 @@ def spreads(
     board = replace(board, home_angle_deg=0.0)
     placed = [replace(scan, place=place) for scan, place in zip(scans, places, strict=True)]
     # a fit needs a free quantity; it stays at its value
-    fixed = (Parameter(OFFSET, "", None, *OFFSET.bounds(room, board)),)
+    fixed = (Parameter(quantities.OFFSET, "", None, *quantities.OFFSET.bounds(room, board)),)
     problem = make_problem(placed, room, board, fixed, PredictionOptions(), all_echoes=False)
     problem = replace(problem, redundancies=tuple(readings_per_independent(scan, board) for scan in scans))
     movable = np.append(False, np.ones(len(problem.noises), np.bool_))
@@ -567,7 +555,7 @@ def reflectances_of(room: Room, fitted: TurntableFit) -> tuple[CalibratedValue, 
     findings = []
     for material, measured in fitted.reflectances.items():
         value, half = measured.value, max(Z95 * measured.deviation, _LEAST_HALF)
-        before = reflectance_of(room, material)
+        before = quantities.reflectance_of(room, material)
         findings.append(CalibratedValue(material, value, value - half, min(value + half, 1.0), before, ""))
     return tuple(findings)
 
@@ -579,7 +567,7 @@ def with_reflectances(room: Room, found: Sequence[CalibratedValue]) -> Room:
             f"room {room.name!r}: no material has a reflectance that scans can change; "
             "expected one from 0.2 to 1, without a table"
         )
-    return REFLECTANCE.write(room, {one.key: float(one.text) for one in found})
+    return quantities.REFLECTANCE.write(room, {one.key: float(one.text) for one in found})
 
 
 def gained_by_reflection(before: Room, after: Room) -> float:
@@ -627,9 +615,9 @@ class RoomCalibration(Calibration):
     def contradictions(self) -> list[str]:
         """The reflectances of the room file that the scans contradict, if the profile belongs to the room file."""
         return [
-            f"the scans contradict the reflectance {one.before:g} of {one.key!r}: {one.interval_text}"
-            for one in self.reflectances
-            if self.room is self.given and is_contradicted(one)
+            f"the scans contradict the reflectance {finding.before:g} of {finding.key!r}: {finding.interval_text}"
+            for finding in self.reflectances
+            if self.room is self.given and is_contradicted(finding)
         ]
 
     def lines(self) -> list[str]:
@@ -639,7 +627,7 @@ class RoomCalibration(Calibration):
             used = "used, and written with the room"
         return [
             *super().lines(),
-            *(f"{reflectance_text(one)}; {used}" for one in self.reflectances),
+            *(f"{reflectance_text(reflectance)}; {used}" for reflectance in self.reflectances),
             *(
                 f"{scan.name}: {when} {_explained(one)}"
                 for scan, *both in zip(self.scans, self.before, self.after, strict=True)
@@ -657,7 +645,7 @@ class RoomCalibration(Calibration):
         """Return the same, as for JSON."""
         scans = zip(self.scans, self.before, self.after, strict=True)
         return super().figures() | {
-            "reflectances": [one.figures for one in self.reflectances],
+            "reflectances": [reflectance.figures for reflectance in self.reflectances],
             "room_is_changed": self.room is not self.given,
             "scans": [
                 {"name": scan.name, "before": asdict(before.summary()), "after": asdict(after.summary())}
@@ -670,7 +658,10 @@ class RoomCalibration(Calibration):
         header = [
             f"# Reflectances found by `sonarhw calibrate`, together with board profile {harmless(profile)!r}. "
             "All else is as before.",
-            *(f"#   {reflectance_text(one).replace('the room file says', 'before:')}" for one in self.reflectances),
+            *(
+                f"#   {reflectance_text(reflectance).replace('the room file says', 'before:')}"
+                for reflectance in self.reflectances
+            ),
             f"#   from {', '.join(harmless(scan.title) for scan in self.scans)}",
         ]
         return parse_room("\n".join([*header, self.room.text]), f"room {self.room.name!r}")
@@ -759,7 +750,7 @@ def _header(found: RoomCalibration) -> list[str]:
         "# Threshold and aperture: most echoes within 5 cm, counted three times, and silence, counted once.",
         "# Spreads are those of readings, as they are in the logs.",
         f"# The profile belongs to the room {which}. The scans give:",
-        *(f"#   {reflectance_text(one)}" for one in found.reflectances),
+        *(f"#   {reflectance_text(reflectance)}" for reflectance in found.reflectances),
     ]
     for scan, after in zip(found.scans, found.after, strict=True):
         x, y = scan.place.position

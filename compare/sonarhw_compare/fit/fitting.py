@@ -192,7 +192,7 @@ def unexplained(scans: Sequence[PlacedScan], agreement: Sequence[Summary]) -> tu
 
 
 def _several_solutions(result: FitResult) -> list[SeveralSolutions]:
-    shown = tuple(one for one in result.parameters if isinstance(one.quantity, PlaceQuantity))
+    shown = tuple(parameter for parameter in result.parameters if isinstance(parameter.quantity, PlaceQuantity))
     poses = [tuple(mode.values[one.name] for one in shown) for mode in result.modes]
     # solutions that differ only in digits that are not printed are one
     different: dict[str, tuple[float, ...]] = {}
@@ -369,7 +369,7 @@ def _solutions(
             begin = np.concatenate((one.values[:count], (tops or rough)[0].values[count:]))
             tops.append(highest(problem, begin, _CLIMBS, partial(tick, done / len(rough))))
     tops.sort(key=lambda one: -one.score)
-    scored = [ScoredValues(one.values, weighted.near(one.values)(one.values)) for one in tops]
+    scored = [ScoredValues(top.values, weighted.near(top.values)(top.values)) for top in tops]
     return [one for one in scored if scored[0].score - one.score < _AS_GOOD]
 
 
@@ -407,7 +407,7 @@ def _result(problem: Problem, marginals: Marginals, solutions: list[ScoredValues
         correlations=np.asarray(marginals.covariance[:count, :count] / np.outer(safe, safe)),
         noise={one.name: math.exp(value) for one, value in noise},
         warnings=(),
-        modes=tuple(_mode(problem, one, best.score) for one in solutions),
+        modes=tuple(_mode(problem, solution, best.score) for solution in solutions),
         room=room,
         places=places,
         board=board,
@@ -506,7 +506,7 @@ def with_listed_findings(room: Room, before: str, findings: Sequence[str], logs:
     """
     header = [
         f"# Fitted by `sonarhw fit`{_on(logs)}, beginning with room {before!r}:",
-        *(f"#   {harmless(one)}" for one in findings),
+        *(f"#   {harmless(finding)}" for finding in findings),
     ]
     return parse_room("\n".join([*header, room.text]), f"room {room.name!r}")
 
@@ -595,25 +595,31 @@ class FittedScans(FitResult):
             replace(place, name=scan.place.name if scan.place.name in own else scan.name)
             for place, scan in zip(fitted, setting.scans, strict=True)
         ]
-        lines = [self._listed(one) for one in self.parameters if not isinstance(one.quantity, BoardQuantity)]
+        lines = [
+            self._listed(parameter)
+            for parameter in self.parameters
+            if not isinstance(parameter.quantity, BoardQuantity)
+        ]
         found = fitted_room(setting.room, values, places)
         return with_listed_findings(found, setting.room.name, lines, self._log_names)
 
     def board_file(self, name: str) -> Board:
         """Return the fitted board profile with this name; values that the scans hardly constrain stay as they were."""
         values = self._constrained()
-        deviations = {one: self.estimates[one.name].deviation for one in values}
+        deviations = {value: self.estimates[value.name].deviation for value in values}
         unconstrained = [
-            one.name for one in self.parameters if one not in values and isinstance(one.quantity, BoardQuantity)
+            parameter.name
+            for parameter in self.parameters
+            if parameter not in values and isinstance(parameter.quantity, BoardQuantity)
         ]
         return fitted_board(self.setting.board, values, name, deviations, self._log_names, unconstrained)
 
     def _constrained(self) -> dict[Parameter, float]:
         """Return the fitted values, without those that the scans hardly constrain and that have a former value."""
         return {
-            one: self.estimates[one.name].value
-            for one in self.parameters
-            if self._before(one) is None or not is_unconstrained(one, self.estimates[one.name])
+            parameter: self.estimates[parameter.name].value
+            for parameter in self.parameters
+            if self._before(parameter) is None or not is_unconstrained(parameter, self.estimates[parameter.name])
         }
 
     def _listed(self, parameter: Parameter) -> str:

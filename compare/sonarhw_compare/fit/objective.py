@@ -22,47 +22,22 @@ from sonarhw_sim.room.room import Place, Room
 from sonarhw_sim.space.sections import paths_from
 
 from sonarhw.readings import BoolArray, FloatArray, Reading
-from sonarhw_compare.fit.likelihood import (
-    BoardValues,
-    EchoPaths,
-    PathArrays,
-    PathMemory,
-    ReadingNoise,
-    ScanArrays,
-    echo_paths,
-    edge_powers,
-    lateness_by_level,
-    level_offset_db,
-    log_likelihoods,
-    with_reverses,
-    with_summed_patches,
-)
+from sonarhw_compare.fit import likelihood, quantities
 from sonarhw_compare.fit.parameters import Parameter, applied, start_of
-from sonarhw_compare.fit.quantities import (
-    AHEAD,
-    APERTURE,
-    ASIDE,
-    AXIS_X,
-    AXIS_Y,
-    HEADING,
-    OFFSET,
-    REFLECTANCE,
-    SCALE,
-    SLOPE,
-    THRESHOLD,
-    WALL,
-    AirQuantity,
-    BoardQuantity,
-    PlaceQuantity,
-    Quantity,
-    X,
-    Y,
-    reflectance_of,
-)
 from sonarhw_compare.fit.result import PlacedScan, check_given_once
 
 # all quantities of the board that the likelihood depends on
-_OF_BOARD = (OFFSET, SLOPE, AHEAD, ASIDE, SCALE, AXIS_X, AXIS_Y, THRESHOLD, APERTURE)
+_OF_BOARD = (
+    quantities.OFFSET,
+    quantities.SLOPE,
+    quantities.AHEAD,
+    quantities.ASIDE,
+    quantities.SCALE,
+    quantities.AXIS_X,
+    quantities.AXIS_Y,
+    quantities.THRESHOLD,
+    quantities.APERTURE,
+)
 
 
 # Prior of tolerated values. How far they are off is unknown, so several standard deviations are possible.
@@ -102,12 +77,16 @@ class TolerancePrior:
 
 def tolerance_prior(parameters: Sequence[Parameter]) -> TolerancePrior:
     """Return the prior of those parameters that are tolerated, without reflectances; a group for each quantity."""
-    rows = [row for row, one in enumerate(parameters) if one.is_tolerated and one.quantity is not REFLECTANCE]
-    quantities = list(dict.fromkeys(parameters[row].quantity for row in rows))
-    groups = [[float(parameters[row].quantity is quantity) for row in rows] for quantity in quantities]
+    rows = [
+        row
+        for row, parameter in enumerate(parameters)
+        if parameter.is_tolerated and parameter.quantity is not quantities.REFLECTANCE
+    ]
+    tied = list(dict.fromkeys(parameters[row].quantity for row in rows))
+    groups = [[float(parameters[row].quantity is quantity) for row in rows] for quantity in tied]
     return TolerancePrior(
         np.array(rows, dtype=np.intp),
-        np.array(groups, dtype=np.float64).reshape(len(quantities), len(rows)),
+        np.array(groups, dtype=np.float64).reshape(len(tied), len(rows)),
         np.array([parameters[row].expected or 0.0 for row in rows]),
         np.array([parameters[row].deviation or 1.0 for row in rows]),
     )
@@ -143,15 +122,15 @@ NOISES = (
     # a thermometer has an error of half a degree, and the air of a room varies by as much: 0.6 K
     NoisePrior("stretch", 1.0, 1e-3, 0.99, 1.01, 2e-4),
 )
-COARSE = ReadingNoise(0.03, 3.0, 0.15, 0.05, 0.1)  # makes the likelihood smooth over centimetres and degrees
-MODERATE = ReadingNoise(0.01, 1.5, 0.08, 0.03, 0.05)
+COARSE = likelihood.ReadingNoise(0.03, 3.0, 0.15, 0.05, 0.1)  # makes the likelihood smooth over centimetres and degrees
+MODERATE = likelihood.ReadingNoise(0.01, 1.5, 0.08, 0.03, 0.05)
 
 
 @dataclass(frozen=True)
 class Problem:
     """Scans, model and free parameters of a fit."""
 
-    scans: tuple[ScanArrays, ...]
+    scans: tuple[likelihood.ScanArrays, ...]
     room: Room
     places: tuple[Place, ...]
     board: Board
@@ -161,7 +140,7 @@ class Problem:
     rounding: float  # m, of the board
     redundancies: tuple[float, ...] = ()  # readings per independent reading, by scan; empty: 1 each
     averages: bool = False  # whether values of `tolerance_prior` have that prior, not the widest normal one
-    memory: PathMemory = field(default_factory=PathMemory, compare=False, repr=False)
+    memory: likelihood.PathMemory = field(default_factory=likelihood.PathMemory, compare=False, repr=False)
 
     @property
     def receiver(self) -> Receiver:
@@ -178,7 +157,7 @@ class Problem:
         """Factor of the standard deviation of each value, (size,); 1 where the model is exact."""
         factors = np.ones(self.size)
         if self.receiver is Receiver.BOARD:
-            factors[: len(self.parameters)] = [one.quantity.overlap for one in self.parameters]
+            factors[: len(self.parameters)] = [parameter.quantity.overlap for parameter in self.parameters]
         return factors
 
     @property
@@ -212,7 +191,7 @@ class Problem:
         values = [start_of(parameter, self.places, self.room, self.board) for parameter in self.parameters]
         return self.with_noise(np.array(values), MODERATE)
 
-    def with_noise(self, values: FloatArray, noise: ReadingNoise) -> FloatArray:
+    def with_noise(self, values: FloatArray, noise: likelihood.ReadingNoise) -> FloatArray:
         """Return the parameters in `values` followed by this noise, (size,)."""
         vector = np.concatenate((values[: len(self.parameters)], np.log(np.array(noise))[: len(self.noises)]))
         return np.asarray(np.clip(vector, *self.bounds))
@@ -233,7 +212,7 @@ class Problem:
 
     def without(self, rows: BoolArray) -> "Problem":
         """Return the problem with the parameters in `rows` (size,) fixed at their present values."""
-        kept = tuple(one for one, leaves in zip(self.parameters, rows.tolist(), strict=False) if not leaves)
+        kept = tuple(parameter for parameter, leaves in zip(self.parameters, rows.tolist(), strict=False) if not leaves)
         return replace(self, parameters=kept)
 
     @cached_property
@@ -241,7 +220,7 @@ class Problem:
         """Prior of the tolerated values if their standard deviations are unknown."""
         return tolerance_prior(self.parameters)
 
-    def rows_of(self, quantity: Quantity) -> list[int]:
+    def rows_of(self, quantity: quantities.Quantity) -> list[int]:
         """Return the rows of all parameters of a quantity."""
         return [row for row, parameter in enumerate(self.parameters) if parameter.quantity is quantity]
 
@@ -250,7 +229,7 @@ class Problem:
         return [
             row
             for row, parameter in enumerate(self.parameters)
-            if isinstance(parameter.quantity, PlaceQuantity) and parameter.scan in (scan, None)
+            if isinstance(parameter.quantity, quantities.PlaceQuantity) and parameter.scan in (scan, None)
         ]
 
     def near(self, values: FloatArray, prediction: PredictionOptions | None = None) -> "Objective":
@@ -270,20 +249,22 @@ class Problem:
 
     def _searched(
         self, room: Room, board: Board, places: Sequence[Place], prediction: PredictionOptions
-    ) -> tuple[EchoPaths, ...]:
+    ) -> tuple[likelihood.EchoPaths, ...]:
         """Return the paths from each place in a room, as a board needs them."""
         # faint paths change the level of a louder one little, so the search is that of paths that are detected alone
         # but for those that become audible while the values change, from the threshold of `board` on
         fainter = replace(self.board, sum_arrivals=False, threshold_db=board.threshold_db - _DIFFRACTED_FURTHER)
         search = search_for(room, fainter, prediction)
-        materials, walls = ([self.parameters[row].of for row in self.rows_of(one)] for one in (REFLECTANCE, WALL))
+        materials, walls = (
+            [self.parameters[row].of for row in self.rows_of(one)] for one in (quantities.REFLECTANCE, quantities.WALL)
+        )
 
-        def of_place(place: Place) -> EchoPaths:
+        def of_place(place: Place) -> likelihood.EchoPaths:
             found = paths_from(room, board.at_axis(board.faced(place)), search, None, board.aperture_radius)
-            paths = with_reverses(with_summed_patches(found, room, board), board)
+            paths = likelihood.with_reverses(likelihood.with_summed_patches(found, room, board), board)
             paths = paths.select(loud_enough(room, board, paths, _KEPT_BELOW_THRESHOLD))
-            kept = echo_paths(paths, room, materials, walls, self._together)
-            return kept._replace(powers=kept.powers + edge_powers(paths, room, materials, search))
+            kept = likelihood.echo_paths(paths, room, materials, walls, self._together)
+            return kept._replace(powers=kept.powers + likelihood.edge_powers(paths, room, materials, search))
 
         return tuple(map(of_place, places))
 
@@ -299,7 +280,7 @@ class Objective:
     values: FloatArray
     room: Room
     places: tuple[Place, ...]
-    paths: tuple[EchoPaths, ...]
+    paths: tuple[likelihood.EchoPaths, ...]
 
     def __call__(self, values: FloatArray) -> float:
         """Return log-likelihood plus log-prior of a vector, (size,); -inf outside the bounds."""
@@ -335,13 +316,15 @@ class Objective:
         noises = np.exp(values[:, len(self.problem.parameters) :])
         rows = zip(values, noises.tolist(), self._images(values, scan), self._levels(values, scan), strict=True)
         for row, (vector, of_noise, (out, back), levels) in enumerate(rows):
-            noise = ReadingNoise(*of_noise)
+            noise = likelihood.ReadingNoise(*of_noise)
             numbers = self._of_board(vector)
             x, y, heading = self._axis_pose(vector, scan, numbers)
             by = x - self._axes[scan][0], y - self._axes[scan][1]
-            paths = PathArrays(out, back, found.rise, found.turn, found.kind, found.until, levels)
+            paths = likelihood.PathArrays(out, back, found.rise, found.turn, found.kind, found.until, levels)
             chosen = self._for_kernel(vector, numbers, heading, noise.stretch)
-            likelihoods[row] = log_likelihoods(readings, paths, by, chosen, noise, self._table, self._lateness)
+            likelihoods[row] = likelihood.log_likelihoods(
+                readings, paths, by, chosen, noise, self._table, self._lateness
+            )
         return likelihoods
 
     def _log_priors(self, values: FloatArray) -> FloatArray:
@@ -378,21 +361,26 @@ class Objective:
         """
         present, rows = self._poses[scan]
         pose = present | {name: float(values[row]) for row, name in rows}
-        heading = pose[HEADING.name] + math.radians(self.problem.board.home_angle_deg)
-        x, y = axis_beside((pose[X.name], pose[Y.name]), heading, numbers[AXIS_X.key], numbers[AXIS_Y.key])
+        heading = pose[quantities.HEADING.name] + math.radians(self.problem.board.home_angle_deg)
+        x, y = axis_beside(
+            (pose[quantities.X.name], pose[quantities.Y.name]),
+            heading,
+            numbers[quantities.AXIS_X.key],
+            numbers[quantities.AXIS_Y.key],
+        )
         return x, y, heading
 
     def _air_of(self, values: FloatArray) -> Air:
         """Return the air."""
         air = self.room.air
         for row, parameter in enumerate(self.problem.parameters):
-            if isinstance(parameter.quantity, AirQuantity):
+            if isinstance(parameter.quantity, quantities.AirQuantity):
                 air = parameter.quantity.put(air, float(values[row]))
         return air
 
     def _for_kernel(
         self, values: FloatArray, numbers: Mapping[str, float], heading: float, stretch: float
-    ) -> BoardValues:
+    ) -> likelihood.BoardValues:
         """Return the board as the kernel of the likelihood needs it, for step 0 at `heading` (rad).
 
         `stretch` is the ratio of measured to true ranges; a free speed of sound replaces it.
@@ -401,14 +389,14 @@ class Objective:
         if self.problem.reported_speed is not None:
             speed = self._air_of(values).speed_of_sound
             stretch = self.problem.reported_speed / speed
-        stretch *= 1 + numbers[SLOPE.key]
-        ahead, aside, half = numbers[AHEAD.key], numbers[ASIDE.key], board.mount.separation / 2
-        offset = numbers[OFFSET.key]
-        return BoardValues(
+        stretch *= 1 + numbers[quantities.SLOPE.key]
+        ahead, aside, half = numbers[quantities.AHEAD.key], numbers[quantities.ASIDE.key], board.mount.separation / 2
+        offset = numbers[quantities.OFFSET.key]
+        return likelihood.BoardValues(
             heading=heading,
-            scale=numbers[SCALE.key],
-            ka=math.tau * board.frequency / speed * numbers[APERTURE.key],
-            threshold_db=numbers[THRESHOLD.key],
+            scale=numbers[quantities.SCALE.key],
+            ka=math.tau * board.frequency / speed * numbers[quantities.APERTURE.key],
+            threshold_db=numbers[quantities.THRESHOLD.key],
             opens=board.blanking_end * speed / 2 * stretch + offset,
             closes=board.max_range * stretch + offset,
             dead=board.rearm * speed / 2 * stretch,
@@ -419,10 +407,10 @@ class Objective:
         )
 
     @cached_property
-    def _board_rows(self) -> list[tuple[int, BoardQuantity]]:
+    def _board_rows(self) -> list[tuple[int, quantities.BoardQuantity]]:
         """The rows of the parameters of the board, with their quantities."""
-        quantities = ((row, one.quantity) for row, one in enumerate(self.problem.parameters))
-        return [(row, quantity) for row, quantity in quantities if isinstance(quantity, BoardQuantity)]
+        rows = ((row, parameter.quantity) for row, parameter in enumerate(self.problem.parameters))
+        return [(row, quantity) for row, quantity in rows if isinstance(quantity, quantities.BoardQuantity)]
 
     @cached_property
     def _present(self) -> dict[str, float]:
@@ -433,7 +421,7 @@ class Objective:
         """For each scan, the present pose by name of its quantities, and the rows that change it."""
         return [
             (
-                {one.name: one.value(place) for one in (X, Y, HEADING)},
+                {one.name: one.value(place) for one in (quantities.X, quantities.Y, quantities.HEADING)},
                 [(row, self.problem.parameters[row].quantity.name) for row in self.problem.pose_rows(scan)],
             )
             for scan, place in enumerate(self.places)
@@ -457,7 +445,7 @@ class Objective:
     def _lateness(self) -> FloatArray:
         if self.problem.receiver is Receiver.FIRST_ECHO:
             return np.empty(0)
-        return lateness_by_level(self.problem.board, self.room.air.speed_of_sound)
+        return likelihood.lateness_by_level(self.problem.board, self.room.air.speed_of_sound)
 
     def _images(self, values: FloatArray, scan: int) -> Iterable[tuple[FloatArray, FloatArray]]:
         """Return `out` and `back` of paths after the walls have moved, for vectors (m, size)."""
@@ -502,19 +490,21 @@ class Objective:
         board, speed = self.problem.board, self.room.air.speed_of_sound
         if self.problem.receiver is Receiver.FIRST_ECHO:
             return tuple(np.zeros(len(lengths)) for lengths in self._lengths)
-        return tuple(level_offset_db(lengths, board, speed) for lengths in self._lengths)
+        return tuple(likelihood.level_offset_db(lengths, board, speed) for lengths in self._lengths)
 
     @cached_property
     def _reflectance_rows(self) -> list[int]:
-        return self.problem.rows_of(REFLECTANCE)
+        return self.problem.rows_of(quantities.REFLECTANCE)
 
     @cached_property
     def _reflectances(self) -> FloatArray:
-        return np.array([reflectance_of(self.room, self.problem.parameters[row].of) for row in self._reflectance_rows])
+        return np.array(
+            [quantities.reflectance_of(self.room, self.problem.parameters[row].of) for row in self._reflectance_rows]
+        )
 
     @cached_property
     def _wall_rows(self) -> list[int]:
-        return self.problem.rows_of(WALL)
+        return self.problem.rows_of(quantities.WALL)
 
 
 def _length(vectors: FloatArray, rise: FloatArray) -> FloatArray:
@@ -535,7 +525,7 @@ def make_problem(
     Raises InputError if a scan is given twice.
     """
     check_given_once(scans)
-    air_is_free = any(isinstance(parameter.quantity, AirQuantity) for parameter in parameters)
+    air_is_free = any(isinstance(parameter.quantity, quantities.AirQuantity) for parameter in parameters)
     speeds = [reading.speed_of_sound for scan in scans for reading in scan.readings]
     speed = float(np.median(speeds)) if air_is_free else None
     return Problem(
@@ -552,7 +542,7 @@ def make_problem(
     )
 
 
-def scan_arrays(readings: Sequence[Reading], speed: float | None, *, all_echoes: bool) -> ScanArrays:
+def scan_arrays(readings: Sequence[Reading], speed: float | None, *, all_echoes: bool) -> likelihood.ScanArrays:
     """Return readings as arrays for the kernel. If none has a second echo, the board is assumed to report one only.
 
     `speed` (m/s) converts echo times to ranges; None: the speed of sound of each reading.
@@ -566,4 +556,4 @@ def scan_arrays(readings: Sequence[Reading], speed: float | None, *, all_echoes:
         counts[row] = len(times)
         ranges[row, : len(times)] = np.array(times) * (speed or reading.speed_of_sound) / 2
     angles = np.array([reading.angle for reading in readings])
-    return ScanArrays(angles, ranges, counts, counts == most)
+    return likelihood.ScanArrays(angles, ranges, counts, counts == most)

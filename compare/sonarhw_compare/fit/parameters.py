@@ -10,18 +10,7 @@ from sonarhw_sim.files import did_you_mean
 from sonarhw_sim.room.room import Place, Room
 
 from sonarhw.errors import InputError
-from sonarhw_compare.fit.quantities import (
-    QUANTITIES,
-    SPEED,
-    TEMPERATURE,
-    WALL,
-    WORDS,
-    AirQuantity,
-    BoardQuantity,
-    PartQuantity,
-    PlaceQuantity,
-    Quantity,
-)
+from sonarhw_compare.fit import quantities
 
 # Parameters of a fit: a free quantity, the scan, material or wall that it belongs to, its bounds and its prior.
 #
@@ -32,7 +21,7 @@ from sonarhw_compare.fit.quantities import (
 class Parameter:
     """One number that a fit determines."""
 
-    quantity: Quantity
+    quantity: quantities.Quantity
     of: str = ""  # material or wall; empty for other quantities
     scan: int | None = None  # number of its scan; None: shared by all scans
     lower: float = -math.inf
@@ -65,32 +54,33 @@ def free_parameters(free: Sequence[str], scans: Sequence[str], room: Room, board
         for quantity in quantities_of(word):
             for parameter in _of_quantity(quantity, of, scans, room, board):
                 found[parameter.name] = parameter
-    if {TEMPERATURE, SPEED} <= {parameter.quantity for parameter in found.values()}:
+    if {quantities.TEMPERATURE, quantities.SPEED} <= {parameter.quantity for parameter in found.values()}:
         raise InputError("temperature,speed: each determines the other; free only one of them")
     return tuple(found.values())
 
 
-def quantities_of(word: str) -> tuple[Quantity, ...]:
+def quantities_of(word: str) -> tuple[quantities.Quantity, ...]:
     """Return the quantities of a word such as `position` or `wall:east`. Raises InputError for unknown words."""
     head = word.strip().partition(":")[0]
-    if head not in WORDS:
-        raise InputError(
-            f"free {word}: unknown quantity{did_you_mean(head, WORDS) or ';'} expected some of {', '.join(WORDS)}"
-        )
-    return WORDS[head]
+    if head not in quantities.WORDS:
+        hint = did_you_mean(head, quantities.WORDS) or ";"
+        raise InputError(f"free {word}: unknown quantity{hint} expected some of {', '.join(quantities.WORDS)}")
+    return quantities.WORDS[head]
 
 
-def _of_quantity(quantity: Quantity, of: str, scans: Sequence[str], room: Room, board: Board) -> list[Parameter]:
+def _of_quantity(
+    quantity: quantities.Quantity, of: str, scans: Sequence[str], room: Room, board: Board
+) -> list[Parameter]:
     bounds = quantity.bounds(room, board)
-    if isinstance(quantity, PlaceQuantity):
+    if isinstance(quantity, quantities.PlaceQuantity):
         if of:
             raise InputError(
                 f"free {quantity}:{of}: {quantity} belongs to a scan, not to a part of the room; write {quantity}"
             )
         labels = scans if len(scans) > 1 else [""]
         return [Parameter(quantity, "", k, *bounds, label=label) for k, label in enumerate(labels)]
-    known = quantity.parts(room) if isinstance(quantity, PartQuantity) else ()
-    if isinstance(quantity, PartQuantity) and not known:
+    known = quantity.parts(room) if isinstance(quantity, quantities.PartQuantity) else ()
+    if isinstance(quantity, quantities.PartQuantity) and not known:
         raise InputError(f"free {quantity}: room {room.name!r} has no {quantity} that a fit can change; leave it out")
     if of and of not in known:
         names = ", ".join(dict.fromkeys(known)) or "none"
@@ -110,13 +100,13 @@ def start_of(parameter: Parameter, places: Sequence[Place], room: Room, board: B
 def present_value(parameter: Parameter, place: Place, room: Room, board: Board) -> float:
     """Return the value of a parameter in place, room or board."""
     match parameter.quantity:
-        case PlaceQuantity() as quantity:
+        case quantities.PlaceQuantity() as quantity:
             return quantity.value(place)
-        case BoardQuantity() as quantity:
+        case quantities.BoardQuantity() as quantity:
             return quantity.value(board)
-        case AirQuantity() as quantity:
+        case quantities.AirQuantity() as quantity:
             return quantity.value(room.air)
-        case PartQuantity() as quantity:
+        case quantities.PartQuantity() as quantity:
             return quantity.value(room, parameter.of)
     raise TypeError(f"{parameter.quantity!r}: unknown kind of quantity; expected place, board, air or part of the room")
 
@@ -128,24 +118,24 @@ def applied(
     moved = list(places)
     for parameter, value in values.items():
         match parameter.quantity:
-            case PlaceQuantity() as quantity:
+            case quantities.PlaceQuantity() as quantity:
                 for k in range(len(moved)) if parameter.scan is None else [parameter.scan]:
                     moved[k] = quantity.put(moved[k], value)
-            case BoardQuantity() as quantity:
+            case quantities.BoardQuantity() as quantity:
                 board = quantity.put(board, value)
-            case AirQuantity() as quantity:
+            case quantities.AirQuantity() as quantity:
                 room = replace(room, air=quantity.put(room.air, value))
     for parts, by_part in values_by_part(values).items():
         room = parts.put(room, by_part)
     return room, tuple(moved), board
 
 
-def values_by_part(values: Mapping[Parameter, float]) -> dict[PartQuantity, dict[str, float]]:
+def values_by_part(values: Mapping[Parameter, float]) -> dict[quantities.PartQuantity, dict[str, float]]:
     """Return the values of materials and walls by name, grouped by quantity."""
-    found: dict[PartQuantity, dict[str, float]] = {}
-    for quantity in QUANTITIES:
+    found: dict[quantities.PartQuantity, dict[str, float]] = {}
+    for quantity in quantities.QUANTITIES:
         by_part = {parameter.of: value for parameter, value in values.items() if parameter.quantity is quantity}
-        if isinstance(quantity, PartQuantity) and by_part:
+        if isinstance(quantity, quantities.PartQuantity) and by_part:
             found[quantity] = by_part
     return found
 
@@ -237,21 +227,21 @@ def tolerated_parameters(
     `room_tolerance` (m) is the standard deviation of the position of a wall; only `walls` may be off.
     """
     taken = {parameter.name for parameter in free}
-    words = [word for quantity in QUANTITIES for word in _words(quantity, room, walls)]
+    words = [word for quantity in quantities.QUANTITIES for word in _words(quantity, room, walls)]
     found = [_tolerated(one, room, board, room_tolerance) for one in free_parameters(words, [""], room, board)]
     return tuple(one for one in found if one.deviation and one.name not in taken)
 
 
-def _words(quantity: Quantity, room: Room, walls: Sequence[str]) -> list[str]:
-    if quantity.tolerance is None or (isinstance(quantity, PartQuantity) and not quantity.parts(room)):
+def _words(quantity: quantities.Quantity, room: Room, walls: Sequence[str]) -> list[str]:
+    if quantity.tolerance is None or (isinstance(quantity, quantities.PartQuantity) and not quantity.parts(room)):
         return []
-    return [f"{WALL}:{wall}" for wall in walls] if quantity is WALL else [quantity.name]
+    return [f"{quantities.WALL}:{wall}" for wall in walls] if quantity is quantities.WALL else [quantity.name]
 
 
 def _tolerated(parameter: Parameter, room: Room, board: Board, room_tolerance: float) -> Parameter:
     quantity = parameter.quantity
     stated = quantity.tolerance(board) if quantity.tolerance else 0.0
-    deviation = room_tolerance if quantity is WALL else stated
+    deviation = room_tolerance if quantity is quantities.WALL else stated
     present = present_value(parameter, Place("", (0.0, 0.0)), room, board)
     return replace(
         parameter,

@@ -184,7 +184,7 @@ def _with_reflectances(room: "Room", values: Mapping[str, float]) -> "Room":
 
     present = {one: reflectance_of(room, one) for one in values}
     factors = {one: value / present[one] for one, value in values.items() if present[one]}
-    by_surface = np.array([factors.get(one, 1.0) for one in room.materials])
+    by_surface = np.array([factors.get(material, 1.0) for material in room.materials])
     return replace(room, reflectances=room.reflectances * by_surface, scattered=room.scattered * by_surface)
 
 
@@ -379,8 +379,8 @@ def quantity_named(name: str) -> Quantity:
 def words_of(kind: type[Quantity] = Quantity) -> str:
     """Return the words for all quantities of a kind, for a help text."""
     several: dict[str, list[str]] = {}
-    for one in QUANTITIES:
-        if isinstance(one, kind):
-            name = f"{one.name}[:{one.part}]" if isinstance(one, PartQuantity) else one.name
-            several.setdefault(one.word, []).append(name)
+    for quantity in QUANTITIES:
+        if isinstance(quantity, kind):
+            name = f"{quantity.name}[:{quantity.part}]" if isinstance(quantity, PartQuantity) else quantity.name
+            several.setdefault(quantity.word, []).append(name)
     return ", ".join(word if names == [word] else f"{word} ({', '.join(names)})" for word, names in several.items())

@@ -53,7 +53,7 @@ class Underestimated:
     parameters: tuple[Parameter, ...]
 
     def __str__(self) -> str:
-        several = ", ".join(one.name for one in self.parameters)
+        several = ", ".join(parameter.name for parameter in self.parameters)
         return f"± cannot be trusted: {several} can change together by far more; fix one of them, or give a prior"
 
 
@@ -247,7 +247,10 @@ class FitResult:
             "answers": [
                 {
                     "log_likelihood": self.score + mode.score,
-                    **{one.name: mode.values[one.name] * one.quantity.per_unit for one in self.parameters},
+                    **{
+                        parameter.name: mode.values[parameter.name] * parameter.quantity.per_unit
+                        for parameter in self.parameters
+                    },
                 }
                 for mode in self.modes
             ],
@@ -257,14 +260,14 @@ class FitResult:
             ],
             "mismatches": [
                 {
-                    "name": one.parameter.name,
-                    "unit": one.parameter.quantity.unit,
-                    "stated": (one.parameter.expected or 0.0) * one.parameter.quantity.per_unit,
-                    "shift": one.shift * one.parameter.quantity.per_unit,
-                    "deviation": one.deviation * one.parameter.quantity.per_unit,
-                    "or": list(one.alternatives),
+                    "name": mismatch.parameter.name,
+                    "unit": mismatch.parameter.quantity.unit,
+                    "stated": (mismatch.parameter.expected or 0.0) * mismatch.parameter.quantity.per_unit,
+                    "shift": mismatch.shift * mismatch.parameter.quantity.per_unit,
+                    "deviation": mismatch.deviation * mismatch.parameter.quantity.per_unit,
+                    "or": list(mismatch.alternatives),
                 }
-                for one in self.mismatches
+                for mismatch in self.mismatches
             ],
             "warnings": list(self.doubts),
         }

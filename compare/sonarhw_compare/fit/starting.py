@@ -240,8 +240,10 @@ def starting_poses(problem: Problem, scan: int, tick: Tick) -> list[ScoredValues
     # a wrong offset would shift the place
     rows += [row for row, parameter in enumerate(problem.parameters) if parameter.quantity.shifts_place]
     alone = _alone(problem, scan, rows)
-    starts = [alone.with_noise(one, COARSE) for one in _poses(alone, lambda share: tick(0.6 * share))]
-    scored = sorted(((round(alone.near(one, QUICK)(one), _EQUAL), k) for k, one in enumerate(starts)), reverse=True)
+    starts = [alone.with_noise(pose, COARSE) for pose in _poses(alone, lambda share: tick(0.6 * share))]
+    scored = sorted(
+        ((round(alone.near(start, QUICK)(start), _EQUAL), k) for k, start in enumerate(starts)), reverse=True
+    )
     found: list[ScoredValues] = []
     for done, (_, k) in enumerate(scored[:_CLIMBED]):
         tick(0.6 + 0.4 * done / _CLIMBED)

@@ -186,8 +186,8 @@ class Evidence:
         if all(len(reading.echo_times) < 2 for scan in self.scans for reading in scan.readings):
             return None
         problems = tuple(
-            make_problem([scan], one.room, one.board, one.parameters, one.prediction, all_echoes=False)
-            for scan, one in zip(self.scans, self.problems, strict=True)
+            make_problem([scan], problem.room, problem.board, problem.parameters, problem.prediction, all_echoes=False)
+            for scan, problem in zip(self.scans, self.problems, strict=True)
         )
         return replace(self, problems=problems, known={})
 

@@ -27,19 +27,7 @@ from sonarhw_compare.locate import Located, Pose, PoseSpread, locate_scan
 from sonarhw_compare.match import TOLERANCE
 from sonarhw_compare.processes import LateProcesses
 from sonarhw_compare.regions import mean_run
-from sonarhw_compare.rooms.candidates import (
-    Touches,
-    continued,
-    cornered,
-    joined,
-    post_candidates,
-    touches_of,
-    trimmed,
-    wall_candidates,
-    with_better_ends,
-    with_free_ends_moved,
-    with_gaps,
-)
+from sonarhw_compare.rooms import candidates
 from sonarhw_compare.rooms.draft import SPREAD, DraftEnd, DraftPost, DraftWall, RoomDraft, common_angle, oblique, pulls
 from sonarhw_compare.rooms.evidence import (
     FINE,
@@ -569,7 +557,7 @@ def grown(evidence: Evidence, best: Scored) -> Scored:
             longer = max(tried, key=lambda one: one.score)
         if longer.score - best.score < PRICE:
             return best
-        longer = refined(evidence, with_better_ends(evidence, longer).draft, ROUGH, _STEPS)
+        longer = refined(evidence, candidates.with_better_ends(evidence, longer).draft, ROUGH, _STEPS)
         longer = with_threshold(evidence, longer)
         best, before = pruned(evidence, longer), best
         if worth(best) <= worth(before):
@@ -639,15 +627,15 @@ def with_wall(
     noise: ReadingNoise = ROUGH,
 ) -> Scored:
     """Return the draft with the wall that explains most; the draft itself without a candidate."""
-    found_lines = wall_candidates(arcs, unexplained, _TRIED, common_angle(best.draft))
+    found_lines = candidates.wall_candidates(arcs, unexplained, _TRIED, common_angle(best.draft))
     walls = [wall for wall in found_lines if not evidence.refuses(wall)]
     alone = all_scored(evidence, (best.draft.with_new_wall(wall)[0] for wall in walls), noise)
     tried = sorted(zip(alone, walls, strict=True), key=lambda one: -one[0].score)
-    completed = [draft for _, wall in tried[:_COMPLETED] for draft in joined(best.draft, wall)]
-    points = [post.center for post in post_candidates(arcs, unexplained, _CORNERS, (0.0,))]
+    completed = [draft for _, wall in tried[:_COMPLETED] for draft in candidates.joined(best.draft, wall)]
+    points = [post.center for post in candidates.post_candidates(arcs, unexplained, _CORNERS, (0.0,))]
     completed += [
         draft
-        for draft in (*cornered(best.draft, points), *continued(best.draft))
+        for draft in (*candidates.cornered(best.draft, points), *candidates.continued(best.draft))
         if not evidence.refuses(draft.walls[max(draft.walls)])
     ]
     found = [*(one for one, _ in tried[:1]), *leading(evidence, completed, _least_explained(unexplained), noise)]
@@ -662,7 +650,7 @@ def with_post(
     noise: ReadingNoise = ROUGH,
 ) -> Scored:
     """Return the draft with the post that explains most; the draft itself without a candidate."""
-    posts = [post for post in post_candidates(arcs, unexplained, _POSTS) if not evidence.refuses(post)]
+    posts = [post for post in candidates.post_candidates(arcs, unexplained, _POSTS) if not evidence.refuses(post)]
     drafts = (replace(best.draft, posts=(*best.draft.posts, post)) for post in posts)
     found = leading(evidence, drafts, _least_explained(unexplained), noise)
     return max(found, key=lambda one: one.score, default=best)
@@ -789,7 +777,7 @@ def _in_one(draft: RoomDraft, key: int, other: int) -> RoomDraft:
     half = math.hypot(*along) / 2
     meets = [draft.walls[of].ends[which].meets for of, which in (ends[first], ends[last])]
     begin, end = (
-        DraftEnd(at, None if one in (key, other) else one) for at, one in zip((-half, half), meets, strict=True)
+        DraftEnd(at, None if meet in (key, other) else meet) for at, meet in zip((-half, half), meets, strict=True)
     )
     walls = {**draft.walls, key: DraftWall((x, y), math.atan2(along[1], along[0]), (begin, end))}
     for name, one in walls.items():
@@ -816,7 +804,7 @@ class FoundRoom:
 
     draft: RoomDraft
     deviations: dict[Move, float]  # m or rad: standard deviations
-    touches: Touches
+    touches: candidates.Touches
     worth: float  # log-likelihood of all scans, less the price of all walls and posts
     threshold_deviation: float | None = None  # dB: standard deviation; None if the board states that it is exact
     scans: tuple[PlacedScan, ...] = ()  # those of the room, at their refined places
@@ -881,7 +869,7 @@ def _found(evidence: Evidence) -> FoundRoom:
     end, deviations = _finished(evidence, best)
     if not end.walls:
         raise InputError("no wall found: expected scans from at least two places that face the same walls")
-    touches, of_threshold = touches_of(evidence, end), threshold_deviation(evidence, end)
+    touches, of_threshold = candidates.touches_of(evidence, end), threshold_deviation(evidence, end)
     return FoundRoom(end, deviations, touches, worth(scored(evidence, end)), of_threshold)
 
 
@@ -930,8 +918,8 @@ def _searched(evidence: Evidence, begin: RoomDraft) -> RoomDraft:
         best = scored(evidence, refined(evidence, longer.draft, ROUGH, _ROOM_STEPS).draft)
         best = squared(evidence, best)
         best = with_parts_joined(evidence, pruned(evidence, best))
-        best = _cut_back(evidence, with_better_ends(evidence, best))
-        best = with_free_ends_moved(evidence, best)
+        best = _cut_back(evidence, candidates.with_better_ends(evidence, best))
+        best = candidates.with_free_ends_moved(evidence, best)
     evidence.progress.begin(1.0)
     return rebuilt(evidence, best).draft
 
@@ -1021,15 +1009,15 @@ def _undetermined(deviations: dict[Move, float]) -> set[int]:
 
 def _cut_back(evidence: Evidence, best: Scored) -> Scored:
     """Return the draft without the parts of walls that sound has not touched, unless they matter to the scans."""
-    touches = touches_of(evidence, best.draft)
+    touches = candidates.touches_of(evidence, best.draft)
     least = best.score - PRICE
-    cut = scored(evidence, trimmed(best.draft, touches, evidence.first))
+    cut = scored(evidence, candidates.trimmed(best.draft, touches, evidence.first))
     if cut.score <= least:
         cut = best
         for key in touches.walls:
-            tried = scored(evidence, trimmed(cut.draft, touches, evidence.first, key))
+            tried = scored(evidence, candidates.trimmed(cut.draft, touches, evidence.first, key))
             cut = tried if tried.score > least else cut
-    return with_gaps(evidence, cut, touches.walls)
+    return candidates.with_gaps(evidence, cut, touches.walls)
 
 
 # The room and the poses of scans of which only some poses are known: simultaneous localisation and mapping.

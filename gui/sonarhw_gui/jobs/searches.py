@@ -225,7 +225,10 @@ def _within_5cm(readings: tuple[Reading, ...], scene: Scene) -> float | None:
 def _values(result: "FitResult") -> "list[Mapping[Parameter, float]]":
     """Return the values of every solution. The best one has the estimates, which are more accurate than its peak."""
     best = {one: result.estimates[one.name].value for one in result.parameters}
-    return [best, *({one: mode.values[one.name] for one in result.parameters} for mode in result.modes[1:])]
+    return [
+        best,
+        *({parameter: mode.values[parameter.name] for parameter in result.parameters} for mode in result.modes[1:]),
+    ]
 
 
 _MOST_READINGS = 720  # the newest ones; more readings of one place do not improve the fit
@@ -517,7 +520,7 @@ def loaded_scans(shown: Shown, name: str) -> tuple[LoadedScan, ...]:
 
     A scan shown of which the list has a part, such as a sweep, is omitted too.
     """
-    listed = [one for one in shown.overlays if one.visible and one.readings]
+    listed = [overlay for overlay in shown.overlays if overlay.visible and overlay.readings]
     is_listed = any(share_readings(one.readings, shown.readings) for one in listed)
     scans = [] if is_listed or not shown.readings else [_loaded(name, shown.readings, shown.scene)]
     scans += [_loaded(one.name, one.readings, one.scene) for one in listed]

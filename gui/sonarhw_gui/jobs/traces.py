@@ -13,23 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from sonarhw_compare.pictures import (
-    SAME_HEADING,
-    BScan,
-    RangeCells,
-    bscan_of,
-    cells_for,
-    difference,
-    echo_row,
-    envelope_of,
-    floor_of,
-    heading_key,
-    in_db,
-    newest_by_heading,
-    predicted_row,
-    row_width,
-    trace_row,
-)
+from sonarhw_compare import pictures
 from sonarhw_sim.air import Air, Receiver
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.signal import Signal, is_stepped, path_loss_db, stepped_gain_db
@@ -119,7 +103,7 @@ def chosen_trace(scene: Scene, reading: Reading | None, prediction: PredictedSca
 
     Raises NotALog if the log of the trace can no longer be read.
     """
-    board, floor = scene.board, floor_of(scene.board)
+    board, floor = scene.board, pictures.floor_of(scene.board)
     air = scene.room.air if scene.room else Air()
     speed = air.speed_of_sound if reading is None else reading.speed_of_sound
     recorded = None if reading is None else reading.trace
@@ -151,14 +135,14 @@ def _duration(scene: Scene, trace: Trace | None, speed: float) -> float:
 
 
 def _measured(trace: Trace, floor: float) -> TraceCurves:
-    envelope = Curve(trace.times, in_db(envelope_of(trace), floor))
+    envelope = Curve(trace.times, pictures.in_db(pictures.envelope_of(trace), floor))
     return TraceCurves(envelope, Curve(trace.times, trace.samples) if trace.carrier else None, trace.rate)
 
 
 def _predicted(signal: Signal, measured: Trace | None, board: Board, floor: float) -> TraceCurves:
     """Return the predicted trace; its carrier is sampled as the measured one, if there is one."""
     whole = signal.envelope()
-    envelope = Curve(whole.times, in_db(whole.samples, floor))
+    envelope = Curve(whole.times, pictures.in_db(whole.samples, floor))
     carrier = measured is not None and measured.carrier
     rate = measured.rate if measured is not None and carrier else _RF_POINTS * board.frequency
     undersampled = rate < _ENOUGH_SAMPLES * board.frequency
@@ -222,7 +206,7 @@ class BScanRows:
     """The rows computed so far, by `heading_key`."""
 
     board: Board
-    cells: RangeCells
+    cells: pictures.RangeCells
     traced: bool  # whether measured rows come from traces; else from echo times
     outline: PredictedScan | None  # the prediction of the predicted rows
     measured: Mapping[int, MeasuredRow] = field(default_factory=dict)
@@ -230,11 +214,11 @@ class BScanRows:
     done: float = 0.0  # share of all rows
     unreadable: str = ""  # error of the last unreadable trace
 
-    def images(self) -> tuple[BScan, BScan]:
+    def images(self) -> tuple[pictures.BScan, pictures.BScan]:
         """Return the measured and the predicted B-scan."""
-        measured = bscan_of({key: row.levels for key, row in self.measured.items()}, self.cells)
-        spacing = None if self.outline is None else row_width(self.outline.headings)
-        return measured, bscan_of(self.predicted, self.cells, spacing)
+        measured = pictures.bscan_of({key: row.levels for key, row in self.measured.items()}, self.cells)
+        spacing = None if self.outline is None else pictures.row_width(self.outline.headings)
+        return measured, pictures.bscan_of(self.predicted, self.cells, spacing)
 
 
 def more_rows(
@@ -246,7 +230,7 @@ def more_rows(
     """
     until = time.monotonic() + slice_
     zero = scene.pose.heading
-    wanted = newest_by_heading(readings, scene.board, zero)
+    wanted = pictures.newest_by_heading(readings, scene.board, zero)
     rows = _still_valid(before, scene.board, wanted, outline)
     rows = _measured_rows(rows, wanted, until)
     headings = {} if outline is None else _predicted_headings(outline, wanted, zero)
@@ -267,15 +251,15 @@ def _still_valid(
     return before
 
 
-def _cells(board: Board, traced: Reading | None) -> RangeCells:
+def _cells(board: Board, traced: Reading | None) -> pictures.RangeCells:
     """Return cells up to the end of the traces; without traces, up to the maximum range of the board."""
     if traced is None or traced.trace is None:
-        return cells_for(board.max_range, _SAMPLE)
+        return pictures.cells_for(board.max_range, _SAMPLE)
     try:
         metres = traced.speed_of_sound / 2
-        return cells_for(float(traced.trace.times[-1]) * metres, max(_SAMPLE, metres / traced.trace.rate))
+        return pictures.cells_for(float(traced.trace.times[-1]) * metres, max(_SAMPLE, metres / traced.trace.rate))
     except SonarError:
-        return cells_for(board.max_range, _SAMPLE)
+        return pictures.cells_for(board.max_range, _SAMPLE)
 
 
 def _predicted_headings(outline: PredictedScan, wanted: Mapping[int, Reading], zero: float) -> dict[int, float]:
@@ -285,7 +269,7 @@ def _predicted_headings(outline: PredictedScan, wanted: Mapping[int, Reading], z
         if outline.only_at is not None
         else {key: zero + outline.board.turned(reading.angle) for key, reading in wanted.items()}
     )
-    return {heading_key(heading): heading for heading in outline.headings.tolist()} | along
+    return {pictures.heading_key(heading): heading for heading in outline.headings.tolist()} | along
 
 
 def _measured_rows(rows: BScanRows, wanted: Mapping[int, Reading], until: float) -> BScanRows:
@@ -295,7 +279,7 @@ def _measured_rows(rows: BScanRows, wanted: Mapping[int, Reading], until: float)
         try:
             levels = _measured_row(wanted[key], rows)
         except SonarError as error:
-            levels, unreadable = echo_row((), rows.cells), str(error)
+            levels, unreadable = pictures.echo_row((), rows.cells), str(error)
         computed[key] = MeasuredRow(wanted[key], levels)
         if time.monotonic() > until:
             break
@@ -309,8 +293,12 @@ def _is_of(row: MeasuredRow | None, reading: Reading) -> bool:
 def _measured_row(reading: Reading, rows: BScanRows) -> FloatArray:
     if rows.traced:
         trace = reading.trace
-        return echo_row((), rows.cells) if trace is None else trace_row(trace, reading.speed_of_sound, rows.cells)
-    return echo_row(reading.echo_ranges, rows.cells)
+        return (
+            pictures.echo_row((), rows.cells)
+            if trace is None
+            else pictures.trace_row(trace, reading.speed_of_sound, rows.cells)
+        )
+    return pictures.echo_row(reading.echo_ranges, rows.cells)
 
 
 def _predicted_rows(rows: BScanRows, outline: PredictedScan, headings: Mapping[int, float], until: float) -> BScanRows:
@@ -318,7 +306,7 @@ def _predicted_rows(rows: BScanRows, outline: PredictedScan, headings: Mapping[i
     for key in [key for key in headings if key not in computed]:
         if time.monotonic() > until:
             break
-        computed[key] = predicted_row(outline, headings[key], rows.cells)
+        computed[key] = pictures.predicted_row(outline, headings[key], rows.cells)
     return replace(rows, predicted=computed)
 
 
@@ -326,7 +314,7 @@ BScanPixels = NDArray[np.uint8]  # (height, width, 4), lowest row first; transpa
 COLOURS = 256
 SLICE = 0.05  # s
 _SIDE = 1200  # pixels of a polar picture
-_TURN = round(math.tau / SAME_HEADING)  # columns of a rectangular picture
+_TURN = round(math.tau / pictures.SAME_HEADING)  # columns of a rectangular picture
 _DIFFERENCE_DB = 30.0
 _DIFFERENCE = 0.5  # of full scale
 
@@ -379,8 +367,8 @@ class BScans:
 
     settings: BScanSettings
     rows: BScanRows
-    measured: BScan
-    predicted: BScan
+    measured: pictures.BScan
+    predicted: pictures.BScan
     pictures: Mapping[Pane, PanePicture]
 
 
@@ -433,13 +421,13 @@ class Arm:
         return np.arctan2(y, x) - np.arctan2(self.left, along), along - self.ahead
 
 
-def draw_bscan(bscan: BScan, scale: ColourScale, floor_db: float | None, polar: Arm | None) -> BScanPixels:
+def draw_bscan(bscan: pictures.BScan, scale: ColourScale, floor_db: float | None, polar: Arm | None) -> BScanPixels:
     """Return the picture of one pane: a full turn of headings by range, or polar with heading 0 to the right.
 
     The colour of each level is looked up before the pixels are placed, so half a million pixels take milliseconds.
     """
-    coloured = scale.of(bscan.levels if floor_db is None else in_db(bscan.levels, floor_db))
-    rows = bscan.rows_at(SAME_HEADING * np.arange(_TURN, dtype=np.float64))
+    coloured = scale.of(bscan.levels if floor_db is None else pictures.in_db(bscan.levels, floor_db))
+    rows = bscan.rows_at(pictures.SAME_HEADING * np.arange(_TURN, dtype=np.float64))
     # an additional transparent row for gaps: index -1 selects it
     coloured = np.vstack((coloured, np.zeros((1, bscan.cells.count), dtype=np.uint32)))
     if polar is not None:
@@ -453,24 +441,24 @@ def draw_bscan(bscan: BScan, scale: ColourScale, floor_db: float | None, polar: 
 
 
 @lru_cache(maxsize=4)
-def _polar_lookup(cells: RangeCells, arm: Arm) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+def _polar_lookup(cells: pictures.RangeCells, arm: Arm) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Return column (0 to _TURN - 1, or _TURN outside) and cell of every pixel of a polar picture, both flattened."""
     along = ((np.arange(_SIDE) + 0.5) / _SIDE * 2 - 1) * arm.reach(cells.reach)
     directions, ranges = arm.headings_and_ranges(*np.meshgrid(along, along))
     drawn = (ranges >= 0) & (ranges < cells.reach)
     headings = np.full(drawn.shape, _TURN, dtype=np.int32)
-    headings[drawn] = np.round(np.mod(directions[drawn], math.tau) / SAME_HEADING) % _TURN
+    headings[drawn] = np.round(np.mod(directions[drawn], math.tau) / pictures.SAME_HEADING) % _TURN
     number = np.zeros(drawn.shape, dtype=np.int32)
     number[drawn] = (ranges[drawn] / cells.width).clip(0, cells.count - 1)
     return headings.ravel(), number.ravel()
 
 
-def flat_area(cells: RangeCells) -> tuple[float, float, float, float]:
+def flat_area(cells: pictures.RangeCells) -> tuple[float, float, float, float]:
     """Return the area of a rectangular picture (left, bottom, width, height): left and width in degrees, else m."""
     return -180.0 / _TURN, 0.0, 360.0, cells.reach
 
 
-def polar_area(cells: RangeCells, middle: tuple[float, float], arm: Arm) -> tuple[float, float, float, float]:
+def polar_area(cells: pictures.RangeCells, middle: tuple[float, float], arm: Arm) -> tuple[float, float, float, float]:
     """Return the area of a polar picture around `middle` in the room (left, bottom, width, height), m."""
     reach = arm.reach(cells.reach)
     return middle[0] - reach, middle[1] - reach, 2 * reach, 2 * reach
@@ -487,18 +475,23 @@ def bscan_slice(
     """Compute rows for `SLICE` s after those computed before for this scan, and draw all rows so far."""
     rows = more_rows(scene, readings, outline, before, SLICE)
     measured, predicted = rows.images()
-    pictures = {pane: _drawn(scene.board, pane, settings, palette, measured, predicted) for pane in settings.panes}
-    return BScans(settings, rows, measured, predicted, pictures)
+    drawn = {pane: _drawn(scene.board, pane, settings, palette, measured, predicted) for pane in settings.panes}
+    return BScans(settings, rows, measured, predicted, drawn)
 
 
 def _drawn(
-    board: Board, pane: Pane, settings: BScanSettings, palette: Palette, measured: BScan, predicted: BScan
+    board: Board,
+    pane: Pane,
+    settings: BScanSettings,
+    palette: Palette,
+    measured: pictures.BScan,
+    predicted: pictures.BScan,
 ) -> PanePicture:
-    floor = floor_of(board)
+    floor = pictures.floor_of(board)
     scale = colour_scale(pane, settings.decibels, floor, palette)
     floor_db = floor if settings.decibels else None
     polar = Arm(*arm(board)) if settings.polar else None
     if pane is Pane.DIFFERENCE:
-        return PanePicture(draw_bscan(difference(measured, predicted, floor_db), scale, None, polar), scale)
+        return PanePicture(draw_bscan(pictures.difference(measured, predicted, floor_db), scale, None, polar), scale)
     image = measured if pane is Pane.MEASURED else predicted
     return PanePicture(draw_bscan(image, scale, floor_db, polar), scale)

@@ -3,18 +3,9 @@
 import math
 from dataclasses import replace
 
+from PySide6 import QtWidgets
 from PySide6.QtCore import QSignalBlocker, Qt, Signal, Slot
 from PySide6.QtGui import QAction, QKeyEvent
-from PySide6.QtWidgets import (
-    QCheckBox,
-    QFormLayout,
-    QGridLayout,
-    QGroupBox,
-    QHBoxLayout,
-    QPushButton,
-    QSpinBox,
-    QWidget,
-)
 
 from sonarhw.readings import ScanOrder
 from sonarhw_gui.model.look import Look
@@ -49,7 +40,7 @@ class _AngleField(NumberField):
             self.entered.emit()
 
 
-class DevicePanel(QWidget):
+class DevicePanel(QtWidgets.QWidget):
     """Shows the state of the scanner and controls it."""
 
     connect_requested = Signal()
@@ -77,7 +68,7 @@ class DevicePanel(QWidget):
         self.max_range = NumberField(0.0, _LONGEST)
         self.max_range.setToolTip("Ignore echoes beyond this range; lowest value: the board's maximum range")
         self.max_range.setSpecialValueText("maximum")
-        self.traces = QCheckBox("Record traces")
+        self.traces = QtWidgets.QCheckBox("Record traces")
         self.traces.setToolTip("Record the received signal of each ping, about 3 kB per reading")
         self.figures = [PlainLabel() for _ in link_figures(None)]
         self._fields = self.start, self.end, self.step, self.sweeps, self.pings, self.max_range
@@ -118,20 +109,20 @@ class DevicePanel(QWidget):
 
     # layout
 
-    def _made_turntable(self, commands: Commands) -> QGroupBox:
-        group = QGroupBox("Turntable")
-        row = QHBoxLayout()
+    def _made_turntable(self, commands: Commands) -> QtWidgets.QGroupBox:
+        group = QtWidgets.QGroupBox("Turntable")
+        row = QtWidgets.QHBoxLayout()
         row.addWidget(_button(commands.home))
         row.addWidget(self.target, 1)
         row.addWidget(self.turn)
-        form = QFormLayout(group)
+        form = QtWidgets.QFormLayout(group)
         form.addRow("Angle", self.angle)
         form.addRow(row)
         return group
 
-    def _made_scan(self, commands: Commands) -> QGroupBox:
-        group = QGroupBox("Scan")
-        grid = QGridLayout(group)
+    def _made_scan(self, commands: Commands) -> QtWidgets.QGroupBox:
+        group = QtWidgets.QGroupBox("Scan")
+        grid = QtWidgets.QGridLayout(group)
         fields = {"From": self.start, "to": self.end, "Step": self.step, "Pings": self.pings, "Sweeps": self.sweeps}
         for place, (name, field) in enumerate([*fields.items(), ("Range", self.max_range)]):
             row, column = divmod(place, 2)
@@ -147,15 +138,15 @@ class DevicePanel(QWidget):
         return group
 
     def _lay_out(self, commands: Commands) -> None:
-        head = QGroupBox("Scanner")
-        form = QFormLayout(head)
+        head = QtWidgets.QGroupBox("Scanner")
+        form = QtWidgets.QFormLayout(head)
         form.addRow(self.state)
         form.addRow(self.hint)
         form.addRow(beside(self.connect_button, self.disconnect_button))
         form.addRow("Identity", self.identity)
         form.addRow("Air", self.temperature)
-        link = QGroupBox("Link")
-        figures = QFormLayout(link)
+        link = QtWidgets.QGroupBox("Link")
+        figures = QtWidgets.QFormLayout(link)
         for label, (name, _, meaning) in zip(self.figures, link_figures(None), strict=True):
             label.setToolTip(meaning)
             figures.addRow(name, label)
@@ -240,7 +231,7 @@ def _hint(status: Status) -> str:
     return ""
 
 
-def _button(action: QAction) -> QPushButton:
+def _button(action: QAction) -> QtWidgets.QPushButton:
     made = button(f"{action.text()}   {action.shortcut().toString()}", action.toolTip(), action.trigger)
     made.setEnabled(action.isEnabled())
     action.enabledChanged.connect(made.setEnabled)
@@ -254,8 +245,8 @@ def _degrees(value: float, tip: str, lowest: float = -_FARTHEST, decimals: int =
     return field
 
 
-def _count(most: int, tip: str) -> QSpinBox:
-    field = QSpinBox(minimum=1, maximum=most)
+def _count(most: int, tip: str) -> QtWidgets.QSpinBox:
+    field = QtWidgets.QSpinBox(minimum=1, maximum=most)
     field.setKeyboardTracking(False)
     field.setToolTip(tip)
     ignore_wheel_without_focus(field)

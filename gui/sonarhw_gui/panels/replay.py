@@ -2,39 +2,15 @@
 
 import math
 
+from PySide6 import QtWidgets
 from PySide6.QtCore import QRect, QRectF, QSignalBlocker, Qt, Signal, Slot
 from PySide6.QtGui import QAction, QIcon, QMouseEvent, QPainter, QPaintEvent
-from PySide6.QtWidgets import (
-    QCheckBox,
-    QComboBox,
-    QHBoxLayout,
-    QPushButton,
-    QSlider,
-    QStyle,
-    QStyleOptionSlider,
-    QToolButton,
-    QVBoxLayout,
-)
 
+from sonarhw_gui import widgets
 from sonarhw_gui.model.look import LengthUnit, Look
 from sonarhw_gui.model.theme import text_font
 from sonarhw_gui.session.sound import SLOWNESSES, SoundState
 from sonarhw_gui.session.source import SPEEDS, Replay
-from sonarhw_gui.widgets import (
-    GAP,
-    NEXT_SCAN,
-    PAUSE,
-    PLAY,
-    PREVIOUS_SCAN,
-    STEP_BACK,
-    STEP_FORTH,
-    ElidedLabel,
-    NarrowBar,
-    PlainLabel,
-    Shape,
-    arranged,
-    media_icon,
-)
 from sonarhw_gui.window.commands import Commands
 
 # A slider over the time of a log, in whole milliseconds, with a mark at the start of each scan.
@@ -46,7 +22,7 @@ _MARK = 3.0  # pixels
 _MOST_MARKS = 400  # more marks would merge into a bar
 
 
-class TimeSlider(QSlider):
+class TimeSlider(QtWidgets.QSlider):
     """The position in the log."""
 
     sought = Signal(float)  # s
@@ -84,7 +60,7 @@ class TimeSlider(QSlider):
         if event.button() is Qt.MouseButton.LeftButton and not self._handle().contains(event.position().toPoint()):
             left, span = self._groove()
             self.setValue(
-                QStyle.sliderValueFromPosition(
+                QtWidgets.QStyle.sliderValueFromPosition(
                     self.minimum(), self.maximum(), round(event.position().x() - left), round(span)
                 )
             )
@@ -111,17 +87,17 @@ class TimeSlider(QSlider):
         return handle / 2, max(1.0, self.width() - handle)
 
     def _handle(self) -> QRect:
-        option = QStyleOptionSlider()
+        option = QtWidgets.QStyleOptionSlider()
         self.initStyleOption(option)
         return self.style().subControlRect(
-            QStyle.ComplexControl.CC_Slider, option, QStyle.SubControl.SC_SliderHandle, self
+            QtWidgets.QStyle.ComplexControl.CC_Slider, option, QtWidgets.QStyle.SubControl.SC_SliderHandle, self
         )
 
 
 # The replay bar: play, pause, step, previous and next scan, time slider, loop, skip gaps, speed, leave.
 
 
-class ReplayBar(NarrowBar):
+class ReplayBar(widgets.NarrowBar):
     """Controls the replay. Visible only while a log is shown."""
 
     toggled = Signal()
@@ -134,14 +110,14 @@ class ReplayBar(NarrowBar):
         self._look = Look()
         self._playing = False
         self._widest = ""  # longest text of the time
-        self.badge = PlainLabel("REPLAY")
+        self.badge = widgets.PlainLabel("REPLAY")
         self.badge.setToolTip("The readings come from a log; the scanner is not in use")
-        self.play = QPushButton()
+        self.play = QtWidgets.QPushButton()
         self.play.setToolTip(commands.toggle.toolTip())
         self.slider = TimeSlider()
-        self.time = PlainLabel()
+        self.time = widgets.PlainLabel()
         self.time.setToolTip("Time in the log · readings up to this time of all readings")
-        self.speed = QComboBox()
+        self.speed = QtWidgets.QComboBox()
         self.speed.setToolTip("Speed relative to the recording")
         for speed in SPEEDS:
             self.speed.addItem(speed_name(speed), speed)
@@ -159,10 +135,10 @@ class ReplayBar(NarrowBar):
             f"color: white; background: {look.palette.replay}; border-radius: 4px; padding: 2px 8px; font-weight: bold;"
         )
         for action, shape in (
-            (self._commands.previous_scan, PREVIOUS_SCAN),
-            (self._commands.step_back, STEP_BACK),
-            (self._commands.step_forward, STEP_FORTH),
-            (self._commands.next_scan, NEXT_SCAN),
+            (self._commands.previous_scan, widgets.PREVIOUS_SCAN),
+            (self._commands.step_back, widgets.STEP_BACK),
+            (self._commands.step_forward, widgets.STEP_FORTH),
+            (self._commands.next_scan, widgets.NEXT_SCAN),
         ):
             action.setIcon(self._icon(shape))
         self.time.setFont(text_font(look))
@@ -214,7 +190,7 @@ class ReplayBar(NarrowBar):
             gaps,
             leave,
         )
-        arranged(QHBoxLayout(self), *parts, rest=self.slider, margins=(12, 2, 12, 6), gap=GAP)
+        widgets.arranged(QtWidgets.QHBoxLayout(self), *parts, rest=self.slider, margins=(12, 2, 12, 6), gap=widgets.GAP)
 
     @Slot(int)
     def _choose_speed(self, index: int) -> None:
@@ -223,15 +199,15 @@ class ReplayBar(NarrowBar):
     def _show_playing(self) -> None:
         # width of the longer word; otherwise the widgets beside it move at every click
         self.play.setMinimumWidth(self.play.fontMetrics().horizontalAdvance("Pause") + 48)
-        self.play.setIcon(self._icon(PAUSE if self._playing else PLAY))
+        self.play.setIcon(self._icon(widgets.PAUSE if self._playing else widgets.PLAY))
         self.play.setText("Pause" if self._playing else "Play")
 
-    def _icon(self, shape: Shape) -> QIcon:
-        return media_icon(shape, self._look.palette.ink, self._look.palette.faint, self.devicePixelRatioF())
+    def _icon(self, shape: widgets.Shape) -> QIcon:
+        return widgets.media_icon(shape, self._look.palette.ink, self._look.palette.faint, self.devicePixelRatioF())
 
 
-def _button(action: QAction, style: Qt.ToolButtonStyle, repeats: bool = False) -> QToolButton:
-    button = QToolButton(toolButtonStyle=style)
+def _button(action: QAction, style: Qt.ToolButtonStyle, repeats: bool = False) -> QtWidgets.QToolButton:
+    button = QtWidgets.QToolButton(toolButtonStyle=style)
     button.setDefaultAction(action)
     button.setAutoRepeat(repeats)  # repeats while held down
     return button
@@ -264,7 +240,7 @@ _PER_SECOND = 1_000_000  # steps of the slider, µs
 _STEP, _PAGE = 20, 200  # µs
 
 
-class SoundBar(NarrowBar):
+class SoundBar(widgets.NarrowBar):
     """Controls the playback of sound. Visible only while it is open."""
 
     toggled = Signal()
@@ -279,24 +255,28 @@ class SoundBar(NarrowBar):
         super().__init__()
         self._look, self._unit = Look(), LengthUnit.M
         self._playing: bool | None = None
-        self.caption, self.time = ElidedLabel(), PlainLabel()
+        self.caption, self.time = widgets.ElidedLabel(), widgets.PlainLabel()
         self.caption.setAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
-        self.play, self.film, self.close_button = QPushButton(), QPushButton("Film…"), QToolButton(autoRaise=True)
+        self.play, self.film, self.close_button = (
+            QtWidgets.QPushButton(),
+            QtWidgets.QPushButton("Film…"),
+            QtWidgets.QToolButton(autoRaise=True),
+        )
         self.film.setToolTip("Save as GIF, MP4 or WebM")
         self.close_button.setText("×")
         self.close_button.setToolTip("Close this bar (S)")
         self.close_button.setAccessibleName("Close the sound bar")
-        self.slider = QSlider(Qt.Orientation.Horizontal)
+        self.slider = QtWidgets.QSlider(Qt.Orientation.Horizontal)
         self.slider.setSingleStep(_STEP)
         self.slider.setPageStep(_PAGE)
         self.slider.setToolTip("Time since transmission; drag, or use the arrow keys")
         self.slider.setAccessibleName("Time since transmission")
-        self.slowness = QComboBox()
+        self.slowness = QtWidgets.QComboBox()
         self.slowness.setToolTip("Slow motion")
         self.slowness.setAccessibleName("Slow motion")
         for slowness in SLOWNESSES:
             self.slowness.addItem(f"1 ms in {slowness / 1000:g} s", slowness)
-        self.every, self.loop = QCheckBox("All echoes"), QCheckBox("Loop")
+        self.every, self.loop = QtWidgets.QCheckBox("All echoes"), QtWidgets.QCheckBox("Loop")
         self.every.setToolTip("Also the sound of every later echo over the threshold")
         self._arrange()
         self._connect()
@@ -329,10 +309,10 @@ class SoundBar(NarrowBar):
         self.slowness.setCurrentIndex(SLOWNESSES.index(state.slowness))
         if self._playing is not state.playing:
             self._playing = state.playing
-            shape, text = (PAUSE, "Pause") if state.playing else (PLAY, "Play")
+            shape, text = (widgets.PAUSE, "Pause") if state.playing else (widgets.PLAY, "Play")
             self.play.setMinimumWidth(self.play.fontMetrics().horizontalAdvance("Pause") + 48)
             self.play.setIcon(
-                media_icon(shape, self._look.palette.ink, self._look.palette.faint, self.devicePixelRatioF())
+                widgets.media_icon(shape, self._look.palette.ink, self._look.palette.faint, self.devicePixelRatioF())
             )
             self.play.setText(text)
 
@@ -340,8 +320,8 @@ class SoundBar(NarrowBar):
         # the menu has the film, and the caption the time
         self.dispensable = ((self.film, self.time),)
         parts = (self.play, self.slider, self.time, self.slowness, self.every, self.loop, self.film, self.close_button)
-        row = arranged(QHBoxLayout(), *parts, rest=self.slider, gap=GAP)
-        arranged(QVBoxLayout(self), self.caption, row, margins=(12, 2, 12, 4), gap=2)
+        row = widgets.arranged(QtWidgets.QHBoxLayout(), *parts, rest=self.slider, gap=widgets.GAP)
+        widgets.arranged(QtWidgets.QVBoxLayout(self), self.caption, row, margins=(12, 2, 12, 4), gap=2)
 
     def _connect(self) -> None:
         self.play.clicked.connect(self.toggled)

@@ -9,16 +9,8 @@ from enum import Enum
 from functools import partial
 from typing import NamedTuple
 
+from PySide6 import QtWidgets
 from PySide6.QtCore import QSignalBlocker, Qt, Signal, Slot
-from PySide6.QtWidgets import (
-    QComboBox,
-    QFormLayout,
-    QGroupBox,
-    QHBoxLayout,
-    QLineEdit,
-    QPushButton,
-    QWidget,
-)
 from sonarhw_sim.air import EdgeStrength, Receiver, Unit
 from sonarhw_sim.board.profile import Board, board_names, load_board
 from sonarhw_sim.room.room import Place, Room
@@ -26,32 +18,12 @@ from sonarhw_sim.room.room_file import Material
 from sonarhw_sim.room.room_writing import materials
 
 from sonarhw.errors import InputError
-from sonarhw_gui.model.edits import (
-    Edit,
-    sensor_at,
-    sensor_facing,
-    with_air_state,
-    with_board,
-    with_material_values,
-    with_named_place,
-    with_options,
-    with_surface_material,
-    without_surface,
-)
+from sonarhw_gui import widgets
+from sonarhw_gui.model import edits
 from sonarhw_gui.model.look import LengthUnit
 from sonarhw_gui.model.scene import Scene
 from sonarhw_gui.model.shown import Shown
 from sonarhw_gui.views.plan_tools import surface_text
-from sonarhw_gui.widgets import (
-    NumberField,
-    PlainLabel,
-    SliderField,
-    TitleLabel,
-    button,
-    short_list,
-    show_names,
-    stacked,
-)
 
 # applies an edit of the scene; edits of one gesture, a second argument, are one undo step
 Change = Callable[..., None]
@@ -103,32 +75,34 @@ _SHARES = (
 )
 
 
-class Group(QGroupBox):
+class Group(QtWidgets.QGroupBox):
     """A part of the panel with a title and rows."""
 
     def __init__(self, title: str, change: Change) -> None:
         super().__init__(title)
         self._change = change
-        self.rows = QFormLayout(self)
-        self.rows.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.AllNonFixedFieldsGrow)
+        self.rows = QtWidgets.QFormLayout(self)
+        self.rows.setFieldGrowthPolicy(QtWidgets.QFormLayout.FieldGrowthPolicy.AllNonFixedFieldsGrow)
 
     def draw(self, shown: Shown, room: Room, place: Place) -> None:
         """Show the values of the scene; `room` and `place` are its room and place."""
         raise NotImplementedError
 
-    def _add_name(self, what: str, text: str, tip: str, slot: Callable[[], None]) -> tuple[QLineEdit, QPushButton]:
+    def _add_name(
+        self, what: str, text: str, tip: str, slot: Callable[[], None]
+    ) -> tuple[QtWidgets.QLineEdit, QtWidgets.QPushButton]:
         """Add a row with a field for a name, and a button that uses it, as Enter does."""
-        field, use = QLineEdit(placeholderText=what), button(text, tip, slot)
+        field, use = QtWidgets.QLineEdit(placeholderText=what), widgets.button(text, tip, slot)
         field.returnPressed.connect(slot)
-        row = QHBoxLayout()
+        row = QtWidgets.QHBoxLayout()
         row.addWidget(field, stretch=1)
         row.addWidget(use)
         self.rows.addRow(row)
         return field, use
 
-    def _slider(self, value: _Value, set_value: Callable[[float, object], None], tip: str = "") -> SliderField:
+    def _slider(self, value: _Value, set_value: Callable[[float, object], None], tip: str = "") -> widgets.SliderField:
         """Return a slider for a value; `set_value` takes another value and the gesture."""
-        slider = SliderField(*value.limits, tip or value.tip)
+        slider = widgets.SliderField(*value.limits, tip or value.tip)
         slider.changed.connect(lambda number, gesture: set_value(number / value.per_unit, gesture))
         return slider
 
@@ -140,8 +114,11 @@ class SensorGroup(Group):
         super().__init__("Sensor", change)
         self._unit = LengthUnit.M
         self._gesture = object()
-        self.along_x, self.along_y = NumberField(-_FARTHEST, _FARTHEST), NumberField(-_FARTHEST, _FARTHEST)
-        self.heading = NumberField(0.0, 360.0, 1, " °")
+        self.along_x, self.along_y = (
+            widgets.NumberField(-_FARTHEST, _FARTHEST),
+            widgets.NumberField(-_FARTHEST, _FARTHEST),
+        )
+        self.heading = widgets.NumberField(0.0, 360.0, 1, " °")
         self.heading.setWrapping(True)
         for name, field, changed in (
             ("x", self.along_x, self._move),
@@ -172,17 +149,17 @@ class SensorGroup(Group):
     @Slot()
     def _move(self) -> None:
         to = self._unit.metres(self.along_x.value()), self._unit.metres(self.along_y.value())
-        self._change(partial(sensor_at, position=to), self._gesture)
+        self._change(partial(edits.sensor_at, position=to), self._gesture)
 
     @Slot()
     def _turn(self) -> None:
-        self._change(partial(sensor_facing, heading=math.radians(self.heading.value())), self._gesture)
+        self._change(partial(edits.sensor_facing, heading=math.radians(self.heading.value())), self._gesture)
 
     @Slot()
     def _save_place(self) -> None:
         name = self.name.text().strip()
         if name:
-            self._change(partial(with_named_place, name=name))
+            self._change(partial(edits.with_named_place, name=name))
             self.name.clear()
 
 
@@ -193,9 +170,9 @@ class SurfaceGroup(Group):
 
     def __init__(self, change: Change) -> None:
         super().__init__("Wall or post", change)
-        self.surface, self.material = short_list(), short_list()
-        self.description = PlainLabel(wordWrap=True)
-        self.remove = button("Remove", "Remove it from the room (Del)", self._remove)
+        self.surface, self.material = widgets.short_list(), widgets.short_list()
+        self.description = widgets.PlainLabel(wordWrap=True)
+        self.remove = widgets.button("Remove", "Remove it from the room (Del)", self._remove)
         self._room: Room | None = None
         self._chosen_name = ""  # name of the selected wall or post
         self.rows.addRow("Name", self.surface)
@@ -210,8 +187,8 @@ class SurfaceGroup(Group):
         if room is self._room:
             return
         self._room = room
-        show_names(self.surface, room.names, self._chosen_name)
-        show_names(self.material, materials(room), "")
+        widgets.show_names(self.surface, room.names, self._chosen_name)
+        widgets.show_names(self.material, materials(room), "")
         self._draw_surface(room)
 
     @Slot(object)
@@ -239,11 +216,11 @@ class SurfaceGroup(Group):
     def _set_material(self, material: str) -> None:
         number = self.surface.currentIndex()
         if self._room is not None and self._room.materials[number] != material:
-            self._change(partial(with_surface_material, surface=number, material=material))
+            self._change(partial(edits.with_surface_material, surface=number, material=material))
 
     @Slot()
     def _remove(self) -> None:
-        self._change(partial(without_surface, surface=self.surface.currentIndex()))
+        self._change(partial(edits.without_surface, surface=self.surface.currentIndex()))
 
 
 class MaterialGroup(Group):
@@ -251,7 +228,7 @@ class MaterialGroup(Group):
 
     def __init__(self, change: Change) -> None:
         super().__init__("Materials", change)
-        self.sliders: dict[str, tuple[SliderField, SliderField]] = {}  # reflectance and scatter
+        self.sliders: dict[str, tuple[widgets.SliderField, widgets.SliderField]] = {}  # reflectance and scatter
         self._room: Room | None = None
         self._known: dict[str, Material] = {}
         tip = "Define a material. Assign it under Wall or post"
@@ -272,7 +249,7 @@ class MaterialGroup(Group):
             self.rows.removeRow(0)
         self.sliders = {}
         for row, (name, material) in enumerate(self._known.items()):
-            self.rows.insertRow(3 * row, TitleLabel(name))
+            self.rows.insertRow(3 * row, widgets.TitleLabel(name))
             reflectance, scatter = (
                 self._slider(value, partial(self._set_share, name, value.key), tip)
                 for value, tip in zip(_SHARES, (_OF_TABLE if material.table else "", ""), strict=True)
@@ -285,11 +262,11 @@ class MaterialGroup(Group):
     def _define(self) -> None:
         name = self.name.text().strip()
         if name and name not in self.sliders:
-            self._change(partial(with_material_values, material=name))
+            self._change(partial(edits.with_material_values, material=name))
             self.name.clear()
 
     def _set_share(self, material: str, share: str, value: float, gesture: object) -> None:
-        self._change(partial(with_material_values, material=material, shares={share: value}), gesture)
+        self._change(partial(edits.with_material_values, material=material, shares={share: value}), gesture)
 
 
 class AirGroup(Group):
@@ -299,7 +276,7 @@ class AirGroup(Group):
         super().__init__("Air", change)
         self.sliders = [self._slider(value, partial(self._set_state, value.key)) for value in _AIR]
         self.temperature, self.humidity, self.pressure = self.sliders
-        self.speed = PlainLabel()
+        self.speed = widgets.PlainLabel()
         for value, slider in zip(_AIR, self.sliders, strict=True):
             self.rows.addRow(value.name, slider)
         self.rows.addRow("Speed of sound", self.speed)
@@ -311,7 +288,7 @@ class AirGroup(Group):
         self.speed.setText(f"{room.air.speed_of_sound:.1f} m/s")
 
     def _set_state(self, key: str, value: float, gesture: object) -> None:
-        self._change(lambda scene: with_air_state(scene, **{key: value}), gesture)
+        self._change(lambda scene: edits.with_air_state(scene, **{key: value}), gesture)
 
 
 class ModelGroup(Group):
@@ -324,7 +301,7 @@ class ModelGroup(Group):
         self._boards = {name: load_board(name) for name in board_names()}
         self._own: dict[str, Board] = {}  # the board of the log or the command line, if it is not an included one
         self._named = ""  # the shown board's entry in the list
-        self.board = short_list()
+        self.board = widgets.short_list()
         self.board.setToolTip("Profile of the ranging board for the prediction; a log contains its own")
         self.rows.addRow("Board", self.board)
         self.board.textActivated.connect(self._choose_board)
@@ -345,8 +322,8 @@ class ModelGroup(Group):
             field.setCurrentText(text)
             field.setToolTip(tip)
 
-    def _list(self, name: str, values: Sequence[Enum]) -> QComboBox:
-        field = short_list()
+    def _list(self, name: str, values: Sequence[Enum]) -> QtWidgets.QComboBox:
+        field = widgets.short_list()
         for k, value in enumerate(values):
             text, tip = _MEANINGS[value]
             field.addItem(text)
@@ -361,7 +338,7 @@ class ModelGroup(Group):
             name = f"{name}, changed" if name in self._boards else name
             self._own = {name: board}
         self._named = name
-        show_names(self.board, (*self._own, *self._boards, _FROM_FILE), name)
+        widgets.show_names(self.board, (*self._own, *self._boards, _FROM_FILE), name)
 
     @Slot(str)
     def _choose_board(self, name: str) -> None:
@@ -369,23 +346,23 @@ class ModelGroup(Group):
             self.board.setCurrentText(self._named)  # until the file is read
             self.board_file_requested.emit()
             return
-        self._change(partial(with_board, board={**self._boards, **self._own}[name]))
+        self._change(partial(edits.with_board, board={**self._boards, **self._own}[name]))
 
     @Slot()
     def _set_options(self) -> None:
         receiver = [*Receiver][self.receiver.currentIndex()]
         unit = [*Unit][self.unit.currentIndex()]
         strength = [*EdgeStrength][self.edges.currentIndex()]
-        self._change(partial(with_options, receiver=receiver, unit=unit, edge_strength=strength))
+        self._change(partial(edits.with_options, receiver=receiver, unit=unit, edge_strength=strength))
 
 
-def _show_number(field: NumberField, value: float) -> None:
+def _show_number(field: widgets.NumberField, value: float) -> None:
     if abs(field.value() - value) >= 10.0 ** -field.decimals() / 2:
         with QSignalBlocker(field):
             field.setValue(value)
 
 
-class RoomPanel(QWidget):
+class RoomPanel(QtWidgets.QWidget):
     """Shows and edits the values of the room that cannot be edited in the plan."""
 
     edited = Signal(object, str, object)  # Scene, label for Undo, gesture
@@ -393,13 +370,13 @@ class RoomPanel(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self._shown: Shown | None = None
-        self._refused = PlainLabel(wordWrap=True)
+        self._refused = widgets.PlainLabel(wordWrap=True)
         self._refused.hide()
         self.sensor, self.surface = SensorGroup(self.change), SurfaceGroup(self.change)
         self.materials, self.air = MaterialGroup(self.change), AirGroup(self.change)
         self.model = ModelGroup(self.change)
         self._groups: tuple[Group, ...] = (self.sensor, self.surface, self.materials, self.air, self.model)
-        stacked(self, self._refused, *self._groups, None)
+        widgets.stacked(self, self._refused, *self._groups, None)
 
     def show_state(self, shown: Shown) -> None:
         """Draw the changes since the last call."""
@@ -407,7 +384,7 @@ class RoomPanel(QWidget):
         if before is None or before.scene is not shown.scene or before.look != shown.look:
             self._draw(shown)
 
-    def change(self, edit: Callable[[Scene], Edit], gesture: object = None) -> None:
+    def change(self, edit: Callable[[Scene], edits.Edit], gesture: object = None) -> None:
         """Apply an edit to the shown scene, or show why it is rejected."""
         if self._shown is None:
             return

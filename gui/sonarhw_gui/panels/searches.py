@@ -12,20 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyqtgraph as pg
+from PySide6 import QtWidgets
 from PySide6.QtCore import QPointF, QSignalBlocker, QSize, Qt, Slot
 from PySide6.QtGui import QColor, QHideEvent, QIcon, QPainter, QPen, QPixmap, QShowEvent
-from PySide6.QtWidgets import (
-    QCheckBox,
-    QComboBox,
-    QFormLayout,
-    QGridLayout,
-    QGroupBox,
-    QLabel,
-    QListWidget,
-    QListWidgetItem,
-    QProgressBar,
-    QWidget,
-)
 from sonarhw_compare.edits import remove_surface
 from sonarhw_compare.fit.quantities import QUANTITIES, Offer
 from sonarhw_compare.headings import in_degrees
@@ -36,25 +25,8 @@ from sonarhw_sim.room.room import Room
 
 from sonarhw.errors import InputError, counted
 from sonarhw.readings import BoolArray, FloatArray
-from sonarhw_gui.jobs.searches import (
-    ACCURACIES,
-    NEAR,
-    Accuracy,
-    CausesAnswer,
-    FindState,
-    FitFound,
-    FitSettings,
-    Hypotheses,
-    LoadedScan,
-    SearchState,
-    fitted,
-    loaded_scans,
-    rows,
-    share_line,
-    share_readings,
-    solution_line,
-    warnings,
-)
+from sonarhw_gui.jobs import searches
+from sonarhw_gui.jobs.searches import rows
 from sonarhw_gui.model.edits import Edit, with_room
 from sonarhw_gui.model.look import OVERLAYS, LengthUnit, residual_unit
 from sonarhw_gui.model.rows import ReadingRows
@@ -82,7 +54,7 @@ _ICON = 16  # pixels
 _SCANS_HINT = "Add a log, or keep this scan and make another: both are drawn in the plan and in the ranges."
 
 
-class SearchPanel(QWidget):
+class SearchPanel(QtWidgets.QWidget):
     """The parts of every search: a button that starts it, its progress, a button that cancels it, and a note."""
 
     def __init__(self, session: WindowSession, control: Any, begin: str) -> None:
@@ -91,7 +63,7 @@ class SearchPanel(QWidget):
         self._session, self._control = session, control
         self._state, self._drawn = control.state, session.shown
         self.begin, self.cancel = button(begin, "", self._begin), button("Cancel", "", control.cancel)
-        self.progress, self.note = QProgressBar(), PlainLabel(wordWrap=True)
+        self.progress, self.note = QtWidgets.QProgressBar(), PlainLabel(wordWrap=True)
         control.changed.connect(self._follow)
 
     @property
@@ -141,17 +113,17 @@ class FitPanel(SearchPanel):
 
     def __init__(self, session: WindowSession) -> None:
         super().__init__(session, session.fitting, "Find pose")
-        self.free = {one.word: _box(one.offer) for one in QUANTITIES if one.offer is not None}
-        self.where, self.solutions = short_list(), QComboBox()
+        self.free = {quantity.word: _box(quantity.offer) for quantity in QUANTITIES if quantity.offer is not None}
+        self.where, self.solutions = short_list(), QtWidgets.QComboBox()
         self.where.addItems(["", "in the whole room"])
         self.where.setToolTip("Search area for the position; the whole room takes longer")
         self.solutions.setToolTip("Solutions that fit almost equally well, the best first")
         ignore_wheel_without_focus(self.solutions)
-        self.table, self.notes = QLabel(textFormat=Qt.TextFormat.RichText), PlainLabel(wordWrap=True)
+        self.table, self.notes = QtWidgets.QLabel(textFormat=Qt.TextFormat.RichText), PlainLabel(wordWrap=True)
         self.table.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         self.accept = button("Accept", "Move the sensor there; Undo moves it back", self._accept)
         self.discard = button("Discard", "", session.fitting.cancel)
-        request, self._result = QGroupBox("Free parameters"), QGroupBox("Result")
+        request, self._result = QtWidgets.QGroupBox("Free parameters"), QtWidgets.QGroupBox("Result")
         stacked(request, *self.free.values(), self.where, self.begin)
         stacked(self._result, self.solutions, self.table, self.notes, (self.accept, self.discard))
         stacked(self, request, (self.progress, self.cancel), self.note, self._result, None)
@@ -162,10 +134,10 @@ class FitPanel(SearchPanel):
         self._draw()
 
     @property
-    def settings(self) -> FitSettings:
+    def settings(self) -> searches.FitSettings:
         """The selected parameters and search area."""
         free = tuple(word for word, box in self.free.items() if box.isChecked())
-        return FitSettings(free, everywhere=self.where.currentIndex() == 1)
+        return searches.FitSettings(free, everywhere=self.where.currentIndex() == 1)
 
     def show_state(self, shown: Shown) -> None:
         """Draw the changes since the last call."""
@@ -177,9 +149,9 @@ class FitPanel(SearchPanel):
 
     def _name_area(self) -> None:
         unit = self._shown.look.unit
-        self.where.setItemText(0, f"within {unit.of(NEAR):.2g} {unit.label} of here")
+        self.where.setItemText(0, f"within {unit.of(searches.NEAR):.2g} {unit.label} of here")
 
-    def _show_changes(self, before: SearchState) -> None:
+    def _show_changes(self, before: searches.SearchState) -> None:
         self.progress.setFormat(f"{self._state.step}  %p %")
         if (self._state.answer, self._state.running) != (before.answer, before.running):
             self._draw()
@@ -194,14 +166,14 @@ class FitPanel(SearchPanel):
         self.where.setEnabled(self.free["position"].isChecked())
 
     def _draw(self) -> None:
-        found: FitFound | None = self._state.answer
+        found: searches.FitFound | None = self._state.answer
         self._result.setVisible(found is not None)
         self.note.hide()
         self._enable()
         if found is not None:
             chosen, count = max(self.solutions.currentIndex(), 0), len(found.solutions)
             self.solutions.clear()
-            self.solutions.addItems([solution_line(found, k, self._shown.look.unit) for k in range(count)])
+            self.solutions.addItems([searches.solution_line(found, k, self._shown.look.unit) for k in range(count)])
             self.solutions.setCurrentIndex(min(chosen, count - 1))
             self.solutions.setVisible(count > 1)
             self._draw_solution()
@@ -214,15 +186,15 @@ class FitPanel(SearchPanel):
             for name, value, deviation in rows(found, solution, self._shown.look.unit)
         )
         self.table.setText(f"<table>{lines}</table>")
-        warned = [f"⚠ {warning}" for warning in warnings(found)]
+        warned = [f"⚠ {warning}" for warning in searches.warnings(found)]
         count = f"{found.readings} readings; ± is one standard deviation"
-        self.notes.setText("\n\n".join((share_line(found, solution), count, *warned)))
+        self.notes.setText("\n\n".join((searches.share_line(found, solution), count, *warned)))
 
     @Slot()
     def _accept(self) -> None:
         found = self._state.answer
         values = found.solutions[self.solutions.currentIndex()].values
-        if self._apply(lambda: fitted(self._shown.scene, values, found.scene.board)):
+        if self._apply(lambda: searches.fitted(self._shown.scene, values, found.scene.board)):
             self._control.cancel()
 
 
@@ -253,12 +225,12 @@ class CausesPanel(SearchPanel):
         """Draw the changes since the last call."""
         self._enable()
 
-    def _show_changes(self, before: SearchState) -> None:
+    def _show_changes(self, before: searches.SearchState) -> None:
         if (self._state.answer, self._state.running) != (before.answer, before.running):
             self._draw()
 
     def _draw(self) -> None:
-        answer: CausesAnswer | None = self._state.answer
+        answer: searches.CausesAnswer | None = self._state.answer
         _show(answer is not None, self.list, self.try_it, self.undo, self.shares)
         self.list.clear()
         self._session.showing.propose(None)
@@ -345,8 +317,8 @@ class FindPanel(SearchPanel):
     def __init__(self, session: WindowSession) -> None:
         super().__init__(session, session.finding, "Find")
         self._room: Room | None = None  # the accepted one, while it is the room of the window
-        self.scans, self.places = PlainLabel(wordWrap=True), QComboBox()
-        self.places.addItems([accuracy.text for accuracy in ACCURACIES])
+        self.scans, self.places = PlainLabel(wordWrap=True), QtWidgets.QComboBox()
+        self.places.addItems([accuracy.text for accuracy in searches.ACCURACIES])
         self.places.setToolTip("How well the places of the scans are known; those of logs without a room are unknown")
         ignore_wheel_without_focus(self.places)
         self.go_on = button(
@@ -354,7 +326,7 @@ class FindPanel(SearchPanel):
         )
         self.list = _list("Walls and posts found")
         self.list.setSpacing(2)
-        self.list.setResizeMode(QListWidget.ResizeMode.Adjust)
+        self.list.setResizeMode(QtWidgets.QListWidget.ResizeMode.Adjust)
         self.list.currentRowChanged.connect(self._select)
         self.accept = button("Accept", "Make this the room of the window; Undo takes it back", self._accept)
         self.reject = button("Reject", "Remove the selected wall or post; Go on does not find it again", self._reject)
@@ -362,8 +334,8 @@ class FindPanel(SearchPanel):
             "Next place to scan", "Find where another scan makes the walls most certain", session.finding.plan_next
         )
         self.step, self.poses, self.next = (PlainLabel(wordWrap=True) for _ in range(3))
-        self._space = QWidget()  # below all, while there is no list
-        form, begin = QFormLayout(), QGridLayout()
+        self._space = QtWidgets.QWidget()  # below all, while there is no list
+        form, begin = QtWidgets.QFormLayout(), QtWidgets.QGridLayout()
         form.addRow("Places", self.places)
         begin.addWidget(self.begin, 0, 0)
         begin.addWidget(self.go_on, 0, 1)
@@ -374,9 +346,9 @@ class FindPanel(SearchPanel):
         self._fill()
 
     @property
-    def accuracy(self) -> Accuracy:
+    def accuracy(self) -> searches.Accuracy:
         """How well the places of the scans are known, as chosen."""
-        return ACCURACIES[self.places.currentIndex()]
+        return searches.ACCURACIES[self.places.currentIndex()]
 
     def show_state(self, shown: Shown) -> None:
         """Draw the changes since the last call."""
@@ -388,7 +360,7 @@ class FindPanel(SearchPanel):
             if self._is_elsewhere(before) is not self._is_elsewhere(shown):
                 self._draw()
 
-    def _show_changes(self, before: FindState) -> None:
+    def _show_changes(self, before: searches.FindState) -> None:
         state = self._state
         if (state.hypotheses, state.answer) != (before.hypotheses, before.answer):
             self._fill()
@@ -442,7 +414,7 @@ class FindPanel(SearchPanel):
     @Slot()
     def _accept(self) -> None:
         shown, room, answer = self._shown, self._state.room, self._state.answer
-        own = (scan.name for scan in answer.hypotheses.scans if share_readings(scan.readings, shown.readings))
+        own = (scan.name for scan in answer.hypotheses.scans if searches.share_readings(scan.readings, shown.readings))
         here = next(own, None)
         place = first_place(room) if here is None else room.places[here]
         changed = replace(shown.scene, room=room, place=place, room_file="")
@@ -465,7 +437,7 @@ class FindPanel(SearchPanel):
 
     def _enable(self) -> None:
         shown, state, row = self._shown, self._state, self.list.currentRow()
-        scans, some, unit = loaded_scans(shown, ""), state.hypotheses is not None, shown.look.unit
+        scans, some, unit = searches.loaded_scans(shown, ""), state.hypotheses is not None, shown.look.unit
         self._allow(bool(scans), "Needs a scan with readings")
         free, accepted = not state.running, self._room is not None and shown.scene.room is self._room
         self.go_on.setEnabled(free and some and bool(scans))
@@ -486,7 +458,7 @@ class FindPanel(SearchPanel):
             label.setVisible(bool(text))
 
 
-def _scans_text(scans: tuple[LoadedScan, ...]) -> str:
+def _scans_text(scans: tuple[searches.LoadedScan, ...]) -> str:
     """Return the number of the scans, and a warning if all have one place."""
     if not scans:
         return "No scan"
@@ -499,7 +471,7 @@ def _scans_text(scans: tuple[LoadedScan, ...]) -> str:
     return f"{text}\n⚠ One place alone does not determine a room: walls and posts may be false. Add a scan of another."
 
 
-def _step_text(state: FindState) -> str:
+def _step_text(state: searches.FindState) -> str:
     if state.running == "planning":
         return "trying places for the next scan"
     found = state.hypotheses
@@ -507,7 +479,7 @@ def _step_text(state: FindState) -> str:
     return f"{counted(walls, 'wall')} and {counted(posts, 'post')} so far"
 
 
-def row_texts(state: FindState, unit: LengthUnit) -> list[str]:
+def row_texts(state: searches.FindState, unit: LengthUnit) -> list[str]:
     """Return one line for each wall and post: name, size, standard deviations, readings for and against."""
     found = state.hypotheses
     if found is None:
@@ -520,7 +492,7 @@ def row_texts(state: FindState, unit: LengthUnit) -> list[str]:
     return texts
 
 
-def drawing_of(state: FindState, row: int) -> FoundDrawing | None:
+def drawing_of(state: searches.FindState, row: int) -> FoundDrawing | None:
     """Return what is drawn of a search if the wall or post `row` is selected; -1: none. None: nothing."""
     found = state.hypotheses
     if found is None:
@@ -539,7 +511,7 @@ def drawing_of(state: FindState, row: int) -> FoundDrawing | None:
     )
 
 
-def next_text(state: FindState, unit: Callable[[float], str]) -> str:
+def next_text(state: searches.FindState, unit: Callable[[float], str]) -> str:
     """Return where to scan next and at which headings; empty if it is not known."""
     if not state.places:
         return ""
@@ -552,7 +524,7 @@ def next_text(state: FindState, unit: Callable[[float], str]) -> str:
     return f"{so_far}can next at x {x}, y {y}: gain {best.gain:.1f} nats, most from headings {sectors}."
 
 
-def poses_text(state: FindState, unit: LengthUnit) -> str:
+def poses_text(state: searches.FindState, unit: LengthUnit) -> str:
     """Return the possible poses of each scan that was located, and the scans that were not; empty if there are none."""
     if (answer := state.answer) is None:
         return ""
@@ -566,7 +538,7 @@ def _pose(pose: "Pose", unit: LengthUnit) -> str:
     return f"{pose.probability:.0%} at x {x}, y {y}, {in_degrees(pose.heading, 1):.1f}°"
 
 
-def _size(found: Hypotheses, row: int, unit: LengthUnit) -> str:
+def _size(found: searches.Hypotheses, row: int, unit: LengthUnit) -> str:
     segments = found.draft.segments
     if row < len(segments):
         x, y, x2, y2 = segments[row]
@@ -574,7 +546,7 @@ def _size(found: Hypotheses, row: int, unit: LengthUnit) -> str:
     return f"radius {unit.text(found.draft.posts[row - len(segments)].radius)}"
 
 
-def _deviations(state: FindState, row: int, unit: LengthUnit) -> str:
+def _deviations(state: searches.FindState, row: int, unit: LengthUnit) -> str:
     """Return the standard deviations of a wall or post; empty while the search runs."""
     found, answer = state.hypotheses, state.answer
     if found is None or answer is None:
@@ -595,7 +567,7 @@ def _deviations(state: FindState, row: int, unit: LengthUnit) -> str:
     return f"± {length('post', number, 0)}, ± {length('post', number, 1)}"
 
 
-def _points(found: Hypotheses, chosen: tuple[BoolArray, ...]) -> FloatArray:
+def _points(found: searches.Hypotheses, chosen: tuple[BoolArray, ...]) -> FloatArray:
     """Return the points of the chosen readings with an echo, (n, 2) m, at the places of the draft."""
     parts = []
     for scan, place, which in zip(found.scans, found.draft.places, chosen, strict=True):
@@ -609,7 +581,7 @@ def _points(found: Hypotheses, chosen: tuple[BoolArray, ...]) -> FloatArray:
     return np.vstack(parts) if parts else NO_POINTS
 
 
-class ScansPanel(QWidget):
+class ScansPanel(QtWidgets.QWidget):
     """Lists the scans drawn over the one shown, each with colour and eye, and the two that are compared."""
 
     def __init__(self, session: WindowSession, add: Callable[[], None]) -> None:
@@ -624,16 +596,16 @@ class ScansPanel(QWidget):
         self.sweeps = button(
             "Keep sweeps", "Add each sweep of the readings shown as a scan of its own", session.scans.keep_sweeps
         )
-        self.list = QListWidget()
+        self.list = QtWidgets.QListWidget()
         self.list.setAccessibleName("Scans drawn over the one shown")
         self.list.setIconSize(QSize(_ICON, _ICON))
-        self.first, self.second = QComboBox(), QComboBox()
+        self.first, self.second = QtWidgets.QComboBox(), QtWidgets.QComboBox()
         for box in (self.first, self.second):
             ignore_wheel_without_focus(box)
-            box.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+            box.setSizeAdjustPolicy(QtWidgets.QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
             box.activated.connect(self._choose_pair)
         self.note = PlainLabel(_SCANS_HINT, wordWrap=True)
-        buttons, pair = QGridLayout(), QFormLayout()
+        buttons, pair = QtWidgets.QGridLayout(), QtWidgets.QFormLayout()
         for number, part in enumerate((self.add, self.keep, self.sweeps, self.remove)):
             buttons.addWidget(part, number // 2, number % 2)
         pair.addRow("First", self.first)
@@ -684,8 +656,8 @@ class ScansPanel(QWidget):
     def _remove(self) -> None:
         self._scans.remove(self.list.currentRow())
 
-    @Slot(QListWidgetItem)
-    def _switch(self, item: QListWidgetItem) -> None:
+    @Slot(QtWidgets.QListWidgetItem)
+    def _switch(self, item: QtWidgets.QListWidgetItem) -> None:
         if not self._filling:
             self._scans.switch(self.list.row(item), item.checkState() is Qt.CheckState.Checked)
 
@@ -694,28 +666,28 @@ class ScansPanel(QWidget):
         self._scans.compare(self.first.currentData(), self.second.currentData())
 
 
-def _box(offer: Offer) -> QCheckBox:
-    box = QCheckBox(offer.label)
+def _box(offer: Offer) -> QtWidgets.QCheckBox:
+    box = QtWidgets.QCheckBox(offer.label)
     box.setToolTip(offer.tip)
     box.setChecked(offer.checked)
     return box
 
 
-def _list(name: str) -> QListWidget:
-    found = QListWidget()
+def _list(name: str) -> QtWidgets.QListWidget:
+    found = QtWidgets.QListWidget()
     found.setAccessibleName(name)
     found.setWordWrap(True)  # a long line is wider than a narrow panel
     found.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
     return found
 
 
-def _item(text: str, tip: str) -> QListWidgetItem:
-    item = QListWidgetItem(text)
+def _item(text: str, tip: str) -> QtWidgets.QListWidgetItem:
+    item = QtWidgets.QListWidgetItem(text)
     item.setToolTip(plain_tip(tip))
     return item
 
 
-def _show(visible: bool, *parts: QWidget) -> None:
+def _show(visible: bool, *parts: QtWidgets.QWidget) -> None:
     for part in parts:
         part.setVisible(visible)
 

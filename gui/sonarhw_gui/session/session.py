@@ -19,23 +19,7 @@ from sonarhw_sim.room.room_writing import save_room
 from sonarhw.errors import InputError, SonarError
 from sonarhw.log import Log
 from sonarhw.readings import Origin
-from sonarhw_gui.jobs.files import (
-    CSV,
-    LOG,
-    ROOM,
-    CsvRead,
-    Documents,
-    FileWatch,
-    FollowedLog,
-    LogOpened,
-    RoomOpened,
-    WatchedFile,
-    import_scan,
-    open_log,
-    open_room,
-    read_grown_log,
-    save_file,
-)
+from sonarhw_gui.jobs import files
 from sonarhw_gui.jobs.jobs import Jobs
 from sonarhw_gui.jobs.searches import RoomSearch, Search, find_pose, search_causes
 from sonarhw_gui.model.edits import with_board
@@ -148,8 +132,8 @@ class WindowSession(QObject):
             scene, look or Look(), lambda: self.source, self.jobs, self.kept.notes, self._report_trace, self
         )
         self.kept.rooms.open(scene)
-        self.documents = Documents(scan_settings.folder)
-        self.files, self._followed = FileWatch(), FollowedLog()
+        self.documents = files.Documents(scan_settings.folder)
+        self.files, self._followed = files.FileWatch(), files.FollowedLog()
         self.fitting = Search("fit", find_pose, lambda: self.shown, self.jobs, self)
         self.causes = Search("causes", search_causes, lambda: self.shown, self.jobs, self)
         self.scans = ScanList(lambda: self.shown, lambda: self.log_file, self.jobs, self)
@@ -291,27 +275,29 @@ class WindowSession(QObject):
         For a CSV scan, the user is asked how to read it.
         """
         file, ending = Path(path), Path(path).suffix.lower()
-        if ending == CSV:
+        if ending == files.CSV:
             self.import_asked.emit(path)
-        elif ending == LOG:
+        elif ending == files.LOG:
             self.open_log(file)
-        elif ending == ROOM:
+        elif ending == files.ROOM:
             self.open_room(file)
         else:
-            self.notices.fail(f"{file.name}: expected a log ({LOG}), a room ({ROOM}) or a scan as {CSV}")
+            self.notices.fail(
+                f"{file.name}: expected a log ({files.LOG}), a room ({files.ROOM}) or a scan as {files.CSV}"
+            )
 
     def open_log(self, path: Path, last_scene: Scene | None = None) -> None:
         """Open a log; `last_scene`: the scene of the last session instead of that in the log."""
-        self._open("open a log", open_log, path, last_scene, take=self._take_log)
+        self._open("open a log", files.open_log, path, last_scene, take=self._take_log)
 
     def open_room(self, room: Path | str) -> None:
         """Open a room file, or a shipped room by its name."""
-        self._open("open a room", open_room, room, self.shown.scene.board, take=self._take_room)
+        self._open("open a room", files.open_room, room, self.shown.scene.board, take=self._take_room)
 
     @Slot(object)
-    def import_csv(self, csv: CsvRead) -> None:
+    def import_csv(self, csv: files.CsvRead) -> None:
         """Import a CSV scan as a log in the folder of recordings, and open the log."""
-        self._open("import a scan", import_scan, csv, self.live.settings.folder, take=self._take_log)
+        self._open("import a scan", files.import_scan, csv, self.live.settings.folder, take=self._take_log)
 
     def _open(self, key: str, function: Callable[..., Any], *args: object, take: Callable[[Any], None]) -> None:
         self.jobs.run(key, function, *args, then=partial(self._take_opened, take), lane="open files")
@@ -321,7 +307,7 @@ class WindowSession(QObject):
         """Predict with the board profile in a file. An invalid profile is reported and changes nothing."""
         try:
             self.showing.edit(*with_board(self.shown.scene, load_board(path)))
-            self.files.watch(WatchedFile.BOARD, Path(path))
+            self.files.watch(files.WatchedFile.BOARD, Path(path))
         except InputError as error:
             self.notices.fail(str(error))
 
@@ -346,7 +332,7 @@ class WindowSession(QObject):
         self.showing.take_saved(room, file.name)
         self.kept.rooms.saved(self.shown.scene)
         self.showing.refresh()
-        self.files.watch(WatchedFile.ROOM, file)
+        self.files.watch(files.WatchedFile.ROOM, file)
 
     def save(
         self, write: Callable[[BinaryIO], None], endings: Sequence[str], path: Path, overwrite: bool = False
@@ -357,7 +343,7 @@ class WindowSession(QObject):
         """
         self.jobs.run(
             f"save {path}",
-            save_file,
+            files.save_file,
             write,
             endings,
             path,
@@ -454,18 +440,18 @@ class WindowSession(QObject):
     def _settle_search(self) -> None:
         self.notices.end(Until.SEARCH_CHANGED)
 
-    def _take_opened(self, take: Callable[[Any], None], opened: LogOpened | RoomOpened) -> None:
+    def _take_opened(self, take: Callable[[Any], None], opened: files.LogOpened | files.RoomOpened) -> None:
         if opened.path is not None:
             self.documents.add(opened.path)
         self.recent_changed.emit(self.documents.recent)
         if not self.live.running:  # else requested before the scan began; it would change the room of the scan
             take(opened)
-        if isinstance(opened, LogOpened) and opened.notice:
+        if isinstance(opened, files.LogOpened) and opened.notice:
             self.notices.fail(opened.notice)
 
-    def _take_log(self, opened: LogOpened) -> None:
+    def _take_log(self, opened: files.LogOpened) -> None:
         self.notices.clear()
-        self.files.watch(WatchedFile.ROOM, None)
+        self.files.watch(files.WatchedFile.ROOM, None)
         here, metadata = self.shown.scene, opened.log.metadata
         if self.replay is None:
             self._before_replay = here
@@ -475,14 +461,14 @@ class WindowSession(QObject):
         if opened.scene.room_file != metadata.room_file:  # restored; edits of the own room need no warning
             self._warn_if_recorded_elsewhere(opened.scene)
 
-    def _take_room(self, opened: RoomOpened) -> None:
+    def _take_room(self, opened: files.RoomOpened) -> None:
         scene = opened.at_known_place(self.shown.scene, self.source.recorded_in.place)
         self._scanner_place = place = self._scanner_place.moved(scene)
         if place.follow is None and (doubt := place.doubt(scene)):
             self.notices.warn(doubt)
         self._warn_if_recorded_elsewhere(scene)
         self.set_scene(scene)
-        self.files.watch(WatchedFile.ROOM, opened.path)
+        self.files.watch(files.WatchedFile.ROOM, opened.path)
         self.room_opened.emit()
 
     def _take_grown(self, grown: tuple[Path, Log, float]) -> None:
@@ -506,10 +492,10 @@ class WindowSession(QObject):
         """Follow a log that grows, and offer to reload a changed room or board."""
         self._warn_of_torn(now)
         if grown := self._followed.grown_file(now):
-            self.jobs.run("follow a log", read_grown_log, grown, then=self._take_grown, lane="open files")
+            self.jobs.run("follow a log", files.read_grown_log, grown, then=self._take_grown, lane="open files")
         for what, path in self.files.changed(now):
             again = NoticeButton("Reload the board", self.open_board, str(path))
-            if what is WatchedFile.ROOM:
+            if what is files.WatchedFile.ROOM:
                 again = NoticeButton("Reload the room", self.open_room, path)
             self.notices.add(Notice(f"{path.name} has changed on disk", again))
 

@@ -11,18 +11,10 @@ import numpy as np
 import pyqtgraph as pg
 from numpy.typing import NDArray
 from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent
+from PySide6 import QtWidgets
 from PySide6.QtCore import QBuffer, QEvent, QIODevice, QObject, QPoint, QPointF, QRect, QRectF, QSize, Qt, Signal, Slot
 from PySide6.QtGui import QAction, QBrush, QColor, QGuiApplication, QImage, QKeySequence, QMouseEvent, QPainter, QPen
 from PySide6.QtSvg import QSvgGenerator
-from PySide6.QtWidgets import (
-    QGraphicsItem,
-    QGraphicsSceneMoveEvent,
-    QGraphicsSceneResizeEvent,
-    QGraphicsView,
-    QLayout,
-    QToolButton,
-    QWidget,
-)
 
 from sonarhw.readings import FloatArray, angle_difference
 from sonarhw_gui.model.look import Look
@@ -35,7 +27,7 @@ from sonarhw_gui.widgets import PlainLabel
 #
 # `window/views.py` lists all views, one line each. No other module names them.
 
-_Item = TypeVar("_Item", bound=QGraphicsItem)
+_Item = TypeVar("_Item", bound=QtWidgets.QGraphicsItem)
 
 
 @dataclass(frozen=True)
@@ -79,13 +71,13 @@ class View(Protocol):
     def fit(self) -> None:
         """Reset the range of its plots."""
 
-    def picture(self) -> QWidget | None:
+    def picture(self) -> QtWidgets.QWidget | None:
         """Return the widget to save as a picture, or None if this view has no picture."""
 
     def actions(self) -> Sequence[QAction]:
         """Return the commands of this view, for the menus. Implemented by QWidget."""
 
-    def isVisibleTo(self, ancestor: QWidget) -> bool:
+    def isVisibleTo(self, ancestor: QtWidgets.QWidget) -> bool:
         """Return whether it is visible when `ancestor` is. Implemented by QWidget."""
 
 
@@ -96,7 +88,7 @@ class View(Protocol):
 
 _AXES = ("left", "bottom", "right", "top")
 # tick values and grid take a third of a repaint, and change only with the zoom
-_CACHED = QGraphicsItem.CacheMode.DeviceCoordinateCache
+_CACHED = QtWidgets.QGraphicsItem.CacheMode.DeviceCoordinateCache
 
 
 class PlotAxis(pg.AxisItem):  # type: ignore[misc]  # pyqtgraph has no types
@@ -117,12 +109,12 @@ class PlotAxis(pg.AxisItem):  # type: ignore[misc]  # pyqtgraph has no types
         self._area = None
         super().prepareGeometryChange()
 
-    def resizeEvent(self, ev: QGraphicsSceneResizeEvent | None = None) -> None:
+    def resizeEvent(self, ev: QtWidgets.QGraphicsSceneResizeEvent | None = None) -> None:
         """Note another size."""
         self._area = None
         super().resizeEvent(ev)
 
-    def moveEvent(self, event: QGraphicsSceneMoveEvent) -> None:
+    def moveEvent(self, event: QtWidgets.QGraphicsSceneMoveEvent) -> None:
         """Note another position, relative to that of the grid."""
         self._area = None
         super().moveEvent(event)
@@ -231,7 +223,7 @@ def label_length(axis: pg.AxisItem, what: str, look: Look) -> None:
 # Actions of a view, each with a key and a button. Menus and the help page list them too.
 
 
-def view_action(owner: QWidget, text: str, key: str, tip: str, checkable: bool = True) -> QAction:
+def view_action(owner: QtWidgets.QWidget, text: str, key: str, tip: str, checkable: bool = True) -> QAction:
     """Return an action of `owner` with a key that works in the whole window."""
     action = QAction(text, owner)
     action.setShortcut(QKeySequence(key))
@@ -242,10 +234,10 @@ def view_action(owner: QWidget, text: str, key: str, tip: str, checkable: bool =
     return action
 
 
-def add_buttons(row: QLayout, actions: Sequence[QAction]) -> None:
+def add_buttons(row: QtWidgets.QLayout, actions: Sequence[QAction]) -> None:
     """Add a flat button for each action."""
     for action in actions:
-        button = QToolButton()
+        button = QtWidgets.QToolButton()
         button.setAutoRaise(True)
         button.setDefaultAction(action)
         button.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # the window keeps the keyboard focus
@@ -261,7 +253,7 @@ _SVG_RESOLUTION = 96  # pixels per inch, the SVG standard
 _RATIO = 2  # picture pixels per screen pixel, for print
 
 
-def png_pixels(widget: QWidget, title: str, shown: Shown) -> NDArray[np.uint8]:
+def png_pixels(widget: QtWidgets.QWidget, title: str, shown: Shown) -> NDArray[np.uint8]:
     """Return the view with title and legend, (height, width, 4); without a title, the widget alone."""
     with _with_legend(widget, title, shown) as parts:
         size = _size(parts) * _RATIO
@@ -274,7 +266,7 @@ def png_pixels(widget: QWidget, title: str, shown: Shown) -> NDArray[np.uint8]:
     return rows[:, : 4 * size.width()].reshape(size.height(), size.width(), 4).copy()
 
 
-def svg_text(widget: QWidget, title: str, shown: Shown) -> str:
+def svg_text(widget: QtWidgets.QWidget, title: str, shown: Shown) -> str:
     """Return the view with title and legend as SVG. `sonarhw_gui.jobs.files` corrects Qt's line widths in it.
 
     Qt's generator does not clip, so the content of each plot is a nested SVG element.
@@ -324,17 +316,17 @@ def _svg(area: QRect, look: Look | None, draw: Callable[[QPainter], None]) -> st
     return bytes(buffer.data().data()).decode()
 
 
-def _graphics_views(widget: QWidget) -> list[pg.GraphicsView]:
+def _graphics_views(widget: QtWidgets.QWidget) -> list[pg.GraphicsView]:
     inside = [view for view in widget.findChildren(pg.GraphicsView) if view.isVisibleTo(widget)]
     return [widget, *inside] if isinstance(widget, pg.GraphicsView) else inside
 
 
-def _items(view: pg.GraphicsView, kind: type[QGraphicsItem]) -> list[Any]:
+def _items(view: pg.GraphicsView, kind: type[QtWidgets.QGraphicsItem]) -> list[Any]:
     return [item for item in view.scene().items() if isinstance(item, kind) and item.isVisible()]
 
 
 @contextmanager
-def _faded(items: Sequence[QGraphicsItem]) -> Iterator[None]:
+def _faded(items: Sequence[QtWidgets.QGraphicsItem]) -> Iterator[None]:
     """Make items invisible for a while, without signals to their observers."""
     before = [item.opacity() for item in items]
     for item in items:
@@ -347,7 +339,7 @@ def _faded(items: Sequence[QGraphicsItem]) -> Iterator[None]:
 
 
 @contextmanager
-def _with_legend(widget: QWidget, title: str, shown: Shown) -> Iterator[Sequence[QWidget]]:
+def _with_legend(widget: QtWidgets.QWidget, title: str, shown: Shown) -> Iterator[Sequence[QtWidgets.QWidget]]:
     """Return the parts of a picture from top to bottom; those that are not `widget` are deleted afterwards."""
     added = _title_and_legend(title, widget.width(), shown) if title else []
     try:
@@ -357,12 +349,12 @@ def _with_legend(widget: QWidget, title: str, shown: Shown) -> Iterator[Sequence
             part.deleteLater()  # no parent deletes it, and its connections would keep it
 
 
-def _title_and_legend(title: str, width: int, shown: Shown) -> list[QWidget]:
+def _title_and_legend(title: str, width: int, shown: Shown) -> list[QtWidgets.QWidget]:
     head, legend = PlainLabel(title), Legend(shown.hidden, switches=False)
     head.setContentsMargins(8, 6, 8, 2)
     legend.show_state(shown)
     legend.set_look(shown.look)
-    parts: list[QWidget] = [head, legend]
+    parts: list[QtWidgets.QWidget] = [head, legend]
     for text in filter(None, (shown.sentence if shown.chosen is not None else "", bounces_text(shown))):
         line = PlainLabel(text, wordWrap=True)
         line.setContentsMargins(8, 2, 8, 2)
@@ -375,16 +367,16 @@ def _title_and_legend(title: str, width: int, shown: Shown) -> list[QWidget]:
     return parts
 
 
-def _size(parts: Sequence[QWidget]) -> QSize:
+def _size(parts: Sequence[QtWidgets.QWidget]) -> QSize:
     return QSize(max(part.width() for part in parts), sum(part.height() for part in parts))
 
 
-def _draw(painter: QPainter, parts: Sequence[QWidget]) -> None:
+def _draw(painter: QPainter, parts: Sequence[QtWidgets.QWidget]) -> None:
     top = 0
     for part in parts:
         painter.save()
         painter.translate(0, top)
-        QWidget.render(part, painter, QPoint(0, 0))  # QGraphicsView.render would draw the scene only
+        QtWidgets.QWidget.render(part, painter, QPoint(0, 0))  # QGraphicsView.render would draw the scene only
         painter.restore()
         top += part.height()
 
@@ -477,7 +469,7 @@ class Canvas(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has no
         self.centralWidget, self.sceneObj = None, _Scene(parent=self)
         self.setScene(self.sceneObj)
         # a scatter paints more than the area it reports, so partial updates would leave old points on the screen
-        self.setViewportUpdateMode(QGraphicsView.ViewportUpdateMode.FullViewportUpdate)
+        self.setViewportUpdateMode(QtWidgets.QGraphicsView.ViewportUpdateMode.FullViewportUpdate)
         self._plots = plots
         if len(plots) == 1:
             self.setCentralItem(plots[0])  # in a layout it would be resized one paint late

@@ -24,19 +24,7 @@ from sonarhw_gui.model.look import Look, ViewLayer
 from sonarhw_gui.model.scene import wall_lines
 from sonarhw_gui.model.shown import Cursor, Shown, initial_range
 from sonarhw_gui.model.theme import text_font
-from sonarhw_gui.views.base import (
-    Canvas,
-    Gestures,
-    ViewEntry,
-    add_buttons,
-    cosmetic_pen,
-    label_axis,
-    label_length,
-    new_plot,
-    reading_towards,
-    style_plot,
-    view_action,
-)
+from sonarhw_gui.views import base
 from sonarhw_gui.widgets import ElidedLabel, FlowLayout, arranged
 
 # One pane of the B-scan: an image with axes, colour bar, blanking and cursor; a polar image also has the walls.
@@ -58,7 +46,7 @@ class BScanPane:
 
     def __init__(self, kind: Pane) -> None:
         self.kind = kind
-        self.plot = new_plot()
+        self.plot = base.new_plot()
         self._ground, self._blanking = pg.PlotCurveItem(fillLevel="enclosed"), pg.PlotCurveItem()
         self._image = pg.ImageItem(axisOrder="row-major")
         self._walls = pg.PlotCurveItem(connect="pairs")
@@ -78,14 +66,14 @@ class BScanPane:
         """Use the colours, unit and text size of `look`."""
         self._look = look
         colours = look.palette
-        style_plot(self.plot, look, grid=False)
+        base.style_plot(self.plot, look, grid=False)
         self._ground.setBrush(colours.blanking)
         self._ground.setPen(None)
-        self._walls.setPen(cosmetic_pen(colours.wall, width=1))
-        self._walls.setShadowPen(cosmetic_pen(colours.paper, width=2.5))
-        self._blanking.setPen(cosmetic_pen(colours.threshold, width=1, style=Qt.PenStyle.DashLine))
-        self._chosen.setPen(cosmetic_pen(colours.chosen, width=1, style=Qt.PenStyle.DashLine))
-        self._chosen.setShadowPen(cosmetic_pen(colours.paper, width=2.5))
+        self._walls.setPen(base.cosmetic_pen(colours.wall, width=1))
+        self._walls.setShadowPen(base.cosmetic_pen(colours.paper, width=2.5))
+        self._blanking.setPen(base.cosmetic_pen(colours.threshold, width=1, style=Qt.PenStyle.DashLine))
+        self._chosen.setPen(base.cosmetic_pen(colours.chosen, width=1, style=Qt.PenStyle.DashLine))
+        self._chosen.setShadowPen(base.cosmetic_pen(colours.paper, width=2.5))
         self._scale = None
         self.plot.layout.setColumnFixedWidth(5, _BAR + round(_FIGURES * look.scale))
         self._label()
@@ -144,7 +132,7 @@ class BScanPane:
             colours = self._look.palette
             ((x, y),) = self._plot_points(np.array([cursor.heading]), np.array([cursor.range]))
             pens = [
-                cosmetic_pen(colour, width=line)
+                base.cosmetic_pen(colour, width=line)
                 for colour, (_, line) in ((colours.paper, _HALO), (colours.chosen, _RING))
             ]
             self._cursor.setData([x, x], [y, y], size=[_HALO[0], _RING[0]], pen=pens)
@@ -184,14 +172,14 @@ class BScanPane:
         bottom, left = self.plot.getAxis("bottom"), self.plot.getAxis("left")
         left.setWidth(round(_FIGURES * self._look.scale))  # the same in all panes, so that linked plots are aligned
         if self._polar:
-            label_length(bottom, "x", self._look)
-            label_length(left, "y", self._look)
+            base.label_length(bottom, "x", self._look)
+            base.label_length(left, "y", self._look)
             bottom.setTickSpacing()
         else:
             bottom.setScale(1.0)
             bottom.setTickSpacing(90, 30)
-            label_axis(bottom, "heading in the room (°)")
-            label_length(left, "range", self._look)
+            base.label_axis(bottom, "heading in the room (°)")
+            base.label_length(left, "range", self._look)
             bottom.showLabel(self._lowest)
 
     def _draw_bar(self, scale: ColourScale) -> None:
@@ -225,11 +213,11 @@ _CHOICES = (
 class BScanView(QWidget):
     """Draws the traces of all headings as images."""
 
-    entry = ViewEntry("B-scan", "Heading by range as an image", key="3", menu="Trace")
+    entry = base.ViewEntry("B-scan", "Heading by range as an image", key="3", menu="Trace")
 
     def __init__(self) -> None:
         super().__init__()
-        self.gestures = Gestures(self)
+        self.gestures = base.Gestures(self)
         self._shown: Shown | None = None
         self._drawn: ref[BScans] | None = None
         self._laid_out: BScanSettings | None = None
@@ -238,16 +226,16 @@ class BScanView(QWidget):
         self._frame: QRectF | None = None  # what is visible at least; more where a pane has other proportions
         self.choices = QActionGroup(self)
         for name, key, panes, tip in _CHOICES:
-            choice = view_action(self, name, key, tip)
+            choice = base.view_action(self, name, key, tip)
             choice.setData(panes)
             self.choices.addAction(choice)
         self.choices.actions()[0].setChecked(True)
         self._settled = False  # whether there were readings, or the user has chosen
-        self.polar = view_action(self, "Polar", "O", "Polar, over the room; off: heading by range")
-        self.decibels = view_action(self, "dB", "B", "Levels in dB of full scale; off: linear")
+        self.polar = base.view_action(self, "Polar", "O", "Polar, over the room; off: heading by range")
+        self.decibels = base.view_action(self, "dB", "B", "Levels in dB of full scale; off: linear")
         self.decibels.setChecked(True)
         self.note = ElidedLabel()
-        self.canvas = Canvas()
+        self.canvas = base.Canvas()
         self.panes: dict[Pane, BScanPane] = {}  # each is created when first visible
         self._arrange()
         self._connect()
@@ -302,7 +290,9 @@ class BScanView(QWidget):
 
     def _arrange(self) -> None:
         bar = QWidget()
-        add_buttons(FlowLayout(bar, QMargins(8, 4, 8, 2), gap=3), (*self.choices.actions(), self.polar, self.decibels))
+        base.add_buttons(
+            FlowLayout(bar, QMargins(8, 4, 8, 2), gap=3), (*self.choices.actions(), self.polar, self.decibels)
+        )
         self.note.setAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
         self.note.setContentsMargins(8, 0, 8, 2)
         arranged(QVBoxLayout(self), bar, self.canvas, self.note, rest=self.canvas)
@@ -382,7 +372,7 @@ class BScanView(QWidget):
         place = self._cursor_under(event.scenePos())
         if self._shown is None or place is None:
             return
-        index = reading_towards(self._shown, place.heading)
+        index = base.reading_towards(self._shown, place.heading)
         if index is not None:
             event.accept()
             self.gestures.picked.emit(index)

@@ -14,16 +14,7 @@ from sonarhw.errors import InputError
 from sonarhw_gui.model.look import Look, Palette
 from sonarhw_gui.model.shown import SHOWN, Cursor, Shown
 from sonarhw_gui.model.theme import text_font
-from sonarhw_gui.views.base import (
-    Canvas,
-    Gestures,
-    ViewEntry,
-    cosmetic_pen,
-    label_axis,
-    label_length,
-    new_plot,
-    reading_towards,
-)
+from sonarhw_gui.views import base
 from sonarhw_gui.views.marks import Spots
 from sonarhw_gui.widgets import PlainLabel, arranged
 
@@ -78,13 +69,13 @@ _LEAST = 0.05  # m, half of the height of the scale
 class DifferenceView(QWidget):
     """Draws the second scan minus the first over heading."""
 
-    entry = ViewEntry("Differences", is_text=True)
+    entry = base.ViewEntry("Differences", is_text=True)
 
     def __init__(self) -> None:
         super().__init__()
-        self.gestures = Gestures(self)
-        self.plot = new_plot()
-        self.canvas = Canvas(self.plot)
+        self.gestures = base.Gestures(self)
+        self.plot = base.new_plot()
+        self.canvas = base.Canvas(self.plot)
         self.message = PlotMessage(self.plot)  # why there are no differences
         self.summary = PlainLabel(wordWrap=True)
         self.summary.setAlignment(Qt.AlignmentFlag.AlignLeft)
@@ -124,11 +115,11 @@ class DifferenceView(QWidget):
         self.canvas.set_look(look)
         self.summary.setFont(text_font(look, 0.9))
         self.message.set_look(look)
-        label_axis(self.plot.getAxis("bottom"), "heading in the room (°)")
-        label_length(self.plot.getAxis("left"), "Δ", look)  # short, because the view is often low
+        base.label_axis(self.plot.getAxis("bottom"), "heading in the room (°)")
+        base.label_length(self.plot.getAxis("left"), "Δ", look)  # short, because the view is often low
         self._noise.setBrush(look.palette.tolerance)
         for change, marks in self.marks.items():
-            marks.setPen(cosmetic_pen(_colour(change, look.palette), width=1))
+            marks.setPen(base.cosmetic_pen(_colour(change, look.palette), width=1))
             marks.setBrush(pg.mkBrush(_colour(change, look.palette)))
 
     def _draw(self, shown: Shown) -> None:
@@ -162,7 +153,7 @@ class DifferenceView(QWidget):
         """Select the reading shown at the heading of a click."""
         row, shown = self._nearest(place), self._shown
         if row is not None and self.difference is not None and shown is not None:
-            reading = reading_towards(shown, self.difference.rows[row].heading)
+            reading = base.reading_towards(shown, self.difference.rows[row].heading)
             if reading is not None:
                 self.gestures.picked.emit(reading)
 

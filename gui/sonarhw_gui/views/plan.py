@@ -8,17 +8,9 @@ from typing import cast
 import numpy as np
 import pyqtgraph as pg
 from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent, MouseDragEvent
+from PySide6 import QtWidgets
 from PySide6.QtCore import QEvent, QMargins, QPointF, QRectF, Qt, Signal, Slot
 from PySide6.QtGui import QAction, QActionGroup, QFontMetrics, QKeyEvent
-from PySide6.QtWidgets import (
-    QDialog,
-    QDialogButtonBox,
-    QFormLayout,
-    QHBoxLayout,
-    QSizePolicy,
-    QVBoxLayout,
-    QWidget,
-)
 from sonarhw_compare.edits import Point, add_post, add_wall
 from sonarhw_compare.pictures import points_at
 from sonarhw_compare.sound import counted_position
@@ -27,45 +19,15 @@ from sonarhw_sim.room.room_file import MAX_COORDINATE
 
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
+from sonarhw_gui import widgets
 from sonarhw_gui.model.edits import Edit, bearing, room_and_place, with_room
 from sonarhw_gui.model.look import LengthUnit, Look, ViewLayer
 from sonarhw_gui.model.scene import Scene, outline_points, plan_bounds
 from sonarhw_gui.model.shown import Parts, Shown, marked_parts
 from sonarhw_gui.model.theme import text_font
-from sonarhw_gui.views.base import (
-    Canvas,
-    Gestures,
-    ViewEntry,
-    add_buttons,
-    label_length,
-    nearest_reading,
-    new_plot,
-    reading_towards,
-    view_action,
-)
+from sonarhw_gui.views import base, plan_layers
 from sonarhw_gui.views.marks import NO_POSITIONS, NoteMarks, Outline, OverlayMarks, ReadingMarks, reading_tip
-from sonarhw_gui.views.plan_layers import (
-    CursorLayer,
-    EdgeArrows,
-    FoundLayer,
-    PathLayer,
-    ProposalLayer,
-    RoomLayer,
-    RulerLayer,
-    SensorLayer,
-    SoundLayer,
-)
 from sonarhw_gui.views.plan_tools import TOOLS, PlanController
-from sonarhw_gui.widgets import (
-    ElidedLabel,
-    FlowLayout,
-    LabelSlot,
-    NumberField,
-    PlainLabel,
-    TitleLabel,
-    arranged,
-    show_alone,
-)
 
 # The plan: the room to scale, predicted and measured points, the beam, and the rays of the selected reading.
 #
@@ -78,29 +40,29 @@ _BEYOND = 0.08  # margin, share of the room's longer side
 _AROUND_READINGS = 0.04  # likewise, share of the extent of all readings
 
 
-class PlanDrawing(Canvas):
+class PlanDrawing(base.Canvas):
     """Draws the plan with measured and predicted points, or with one of them only."""
 
     message_changed = Signal(str)  # the object under the mouse, the ruler's result, or why an edit is rejected
 
-    def __init__(self, gestures: Gestures, measured: bool = True, predicted: bool = True) -> None:
+    def __init__(self, gestures: base.Gestures, measured: bool = True, predicted: bool = True) -> None:
         self._box = _Box()
-        self.plot = new_plot(box=self._box)
+        self.plot = base.new_plot(box=self._box)
         super().__init__(self.plot)
         self.shown: Shown | None = None
         self._measured, self._predicted = measured, predicted
         self.plot.setAspectLocked(True)
-        self.room, self.sensor = RoomLayer(self.plot), SensorLayer(self.plot)
+        self.room, self.sensor = plan_layers.RoomLayer(self.plot), plan_layers.SensorLayer(self.plot)
         self._outline = Outline()
         self.plot.addItem(self._outline)
-        self.path, self.pointer = PathLayer(self.plot), CursorLayer(self.plot)
+        self.path, self.pointer = plan_layers.PathLayer(self.plot), plan_layers.CursorLayer(self.plot)
         self._marks = ReadingMarks(self.plot, self._tip)
         self.notes = NoteMarks(self.plot)
-        self.arrows = EdgeArrows(self._box)
-        self.ruler = RulerLayer(self.plot)
-        self.sound = SoundLayer(self.plot)
-        self.proposal, self.overlays = ProposalLayer(self.plot), OverlayMarks(self.plot)
-        self.found = FoundLayer(self.plot)
+        self.arrows = plan_layers.EdgeArrows(self._box)
+        self.ruler = plan_layers.RulerLayer(self.plot)
+        self.sound = plan_layers.SoundLayer(self.plot)
+        self.proposal, self.overlays = plan_layers.ProposalLayer(self.plot), OverlayMarks(self.plot)
+        self.found = plan_layers.FoundLayer(self.plot)
         self.gestures = gestures
         self.controller = PlanController(self, gestures)
         self._box.offer_drag = self.controller.drag
@@ -259,7 +221,7 @@ class PlanDrawing(Canvas):
 
     def _reading_at(self, position: QPointF) -> int | None:
         index = self.arrows.reading_at(position)
-        return nearest_reading(self._box, self._marks.placed, position) if index is None else index
+        return base.nearest_reading(self._box, self._marks.placed, position) if index is None else index
 
     def on_outline(self, at: Point) -> bool:
         """Return whether a point lies on the predicted outline."""
@@ -272,7 +234,7 @@ class PlanDrawing(Canvas):
         if self.shown is None:
             return None
         at = self._box.mapSceneToView(event.scenePos())
-        return reading_towards(self.shown, bearing(self.shown.scene.pose.position, (at.x(), at.y())))
+        return base.reading_towards(self.shown, bearing(self.shown.scene.pose.position, (at.x(), at.y())))
 
     def event(self, event: QEvent) -> bool:
         """Let Esc cancel a drag; without a drag, the window handles it."""
@@ -285,7 +247,7 @@ class PlanDrawing(Canvas):
     def _set_look(self, look: Look) -> None:
         self.set_look(look)
         for side, what in (("bottom", "x"), ("left", "y")):
-            label_length(self.plot.getAxis(side), what, look)
+            base.label_length(self.plot.getAxis(side), what, look)
         metrics = QFontMetrics(text_font(look, 0.9))
         # wider tick values would change the size of the plan, and with it the visible range
         self.plot.getAxis("left").setWidth(metrics.horizontalAdvance(_WIDEST) + metrics.height() + 8)
@@ -358,17 +320,17 @@ def _is_another_room(before: Shown, shown: Shown) -> bool:
 # The view "Side by side": measured left, predicted right, with one pan and zoom.
 
 
-class SideBySide(QWidget):
+class SideBySide(QtWidgets.QWidget):
     """Two plans: measured readings and predicted readings."""
 
-    entry = ViewEntry("Side by side", "The scan on the left, its prediction on the right", key="2", width=0.72)
+    entry = base.ViewEntry("Side by side", "The scan on the left, its prediction on the right", key="2", width=0.72)
 
     def __init__(self) -> None:
         super().__init__()
-        self.gestures = Gestures(self)
-        self._row = arranged(QHBoxLayout(self), gap=1)
+        self.gestures = base.Gestures(self)
+        self._row = widgets.arranged(QtWidgets.QHBoxLayout(self), gap=1)
         self._created = False
-        self.title = TitleLabel("Measured")  # of the left plan: the origin of the readings
+        self.title = widgets.TitleLabel("Measured")  # of the left plan: the origin of the readings
 
     @cached_property
     def measured(self) -> PlanDrawing:
@@ -395,12 +357,12 @@ class SideBySide(QWidget):
             self.measured.fit()
             self.predicted.fit()
 
-    def picture(self) -> QWidget:
+    def picture(self) -> QtWidgets.QWidget:
         """Return both plans."""
         return self
 
     def _arrange(self) -> None:
-        for title, view in ((self.title, self.measured), (TitleLabel("Predicted"), self.predicted)):
+        for title, view in ((self.title, self.measured), (widgets.TitleLabel("Predicted"), self.predicted)):
             self._row.addLayout(_titled(title, view), stretch=1)
         self.predicted.plot.setXLink(self.measured.plot)
         self.predicted.plot.setYLink(self.measured.plot)
@@ -408,14 +370,14 @@ class SideBySide(QWidget):
             moved.plot.vb.sigRangeChangedManually.connect(other.note_frame)
 
 
-def _titled(title: TitleLabel, view: PlanDrawing) -> QVBoxLayout:
-    message = ElidedLabel()
+def _titled(title: widgets.TitleLabel, view: PlanDrawing) -> QtWidgets.QVBoxLayout:
+    message = widgets.ElidedLabel()
     view.message_changed.connect(message.setText)
-    head = QHBoxLayout()
+    head = QtWidgets.QHBoxLayout()
     head.setContentsMargins(8, 3, 8, 3)
     head.addWidget(title)
     head.addWidget(message, stretch=1)
-    column = QVBoxLayout()
+    column = QtWidgets.QVBoxLayout()
     column.setSpacing(0)
     column.addLayout(head)
     column.addWidget(view, stretch=1)
@@ -430,34 +392,41 @@ _WALL, _POST = ("x of one end", "y of one end", "x of the other end", "y of the 
 _RADIUS = 0.05  # m, of a post until another one is typed
 
 
-class TypedSurface(QDialog):
+class TypedSurface(QtWidgets.QDialog):
     """Asks for the coordinates of a wall (four) or of a post (three). Not modal."""
 
     def __init__(
-        self, scene: Callable[[], Scene], unit: LengthUnit, gestures: Gestures, post: bool, parent: QWidget
+        self,
+        scene: Callable[[], Scene],
+        unit: LengthUnit,
+        gestures: base.Gestures,
+        post: bool,
+        parent: QtWidgets.QWidget,
     ) -> None:
         """`scene`: returns the present scene, which may change while the dialog is open."""
         super().__init__(parent)
         self.setWindowTitle("Add a post" if post else "Add a wall")
         self._scene, self._gestures, self._post, self._unit = scene, gestures, post, unit
-        self.problem = PlainLabel(wordWrap=True)
-        form = QFormLayout(self)
+        self.problem = widgets.PlainLabel(wordWrap=True)
+        form = QtWidgets.QFormLayout(self)
         self.fields = [self._field(form, name, self._unit) for name in (_POST if post else _WALL)]
         for field, value in zip(self.fields, scene().pose.position, strict=False):
             field.setValue(self._unit.of(value))
         if post:
             self.fields[2].setValue(self._unit.of(_RADIUS))
-        buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Ok | QDialogButtonBox.StandardButton.Cancel)
-        buttons.button(QDialogButtonBox.StandardButton.Ok).setDefault(True)  # Enter in a field adds
+        buttons = QtWidgets.QDialogButtonBox(
+            QtWidgets.QDialogButtonBox.StandardButton.Ok | QtWidgets.QDialogButtonBox.StandardButton.Cancel
+        )
+        buttons.button(QtWidgets.QDialogButtonBox.StandardButton.Ok).setDefault(True)  # Enter in a field adds
         buttons.accepted.connect(self._add)
         buttons.rejected.connect(self.close)
         form.addRow(self.problem)
         form.addRow(buttons)
 
     @staticmethod
-    def _field(form: QFormLayout, name: str, unit: LengthUnit) -> NumberField:
+    def _field(form: QtWidgets.QFormLayout, name: str, unit: LengthUnit) -> widgets.NumberField:
         most = unit.of(MAX_COORDINATE)
-        field = NumberField(0.0 if name == "radius" else -most, most, unit.decimals, f" {unit.label}")
+        field = widgets.NumberField(0.0 if name == "radius" else -most, most, unit.decimals, f" {unit.label}")
         field.setAccessibleName(name)
         form.addRow(name, field)
         return field
@@ -497,20 +466,20 @@ _QUESTIONS = (("Ask left", "[", 1.0), ("Ask right", "]", -1.0))  # °, counter-c
 _TURNS = {"left": ("Shift+PgUp", 1), "right": ("Shift+PgDown", -1)}
 
 
-class PlanView(QWidget):
+class PlanView(QtWidgets.QWidget):
     """The plan with a row of tools above it."""
 
-    entry = ViewEntry("Plan", "The room to scale", key="1", menu="Plan")
+    entry = base.ViewEntry("Plan", "The room to scale", key="1", menu="Plan")
 
     def __init__(self) -> None:
         super().__init__()
-        self.gestures = Gestures(self)
+        self.gestures = base.Gestures(self)
         self.drawing = view = PlanDrawing(self.gestures)
         self.tools = QActionGroup(self)
-        self.message = ElidedLabel()
+        self.message = widgets.ElidedLabel()
         self.typed: TypedSurface | None = None  # the dialog for coordinates, opened last
         view.message_changed.connect(self.message.setText)
-        arranged(QVBoxLayout(self), self._bar(), view, rest=view)
+        widgets.arranged(QtWidgets.QVBoxLayout(self), self._bar(), view, rest=view)
         self._add_keys()
 
     def show_state(self, shown: Shown) -> None:
@@ -521,23 +490,25 @@ class PlanView(QWidget):
         """Show the whole room."""
         self.drawing.fit()
 
-    def picture(self) -> QWidget:
+    def picture(self) -> QtWidgets.QWidget:
         """Return the plan without its tools."""
         return self.drawing
 
-    def _bar(self) -> QWidget:
-        bar, tools = QWidget(), QWidget()
-        buttons = FlowLayout(tools, QMargins(2, 2, 4, 2), gap=0)
+    def _bar(self) -> QtWidgets.QWidget:
+        bar, tools = QtWidgets.QWidget(), QtWidgets.QWidget()
+        buttons = widgets.FlowLayout(tools, QMargins(2, 2, 4, 2), gap=0)
         for tool in TOOLS:
-            action = view_action(self, tool.name, tool.key, tool.tip)
+            action = base.view_action(self, tool.name, tool.key, tool.tip)
             action.setData(tool)
             self.tools.addAction(action)
         self.remove = self._action("Remove", "Del", "Remove the selected wall or post")
         self.remove.triggered.connect(self.drawing.controller.remove_chosen)
-        add_buttons(buttons, [*self.tools.actions(), self.remove])
-        message = LabelSlot(self.message)
-        message.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)  # the tools come first
-        arranged(QHBoxLayout(bar), tools, message, rest=message, margins=(0, 0, 4, 0))
+        base.add_buttons(buttons, [*self.tools.actions(), self.remove])
+        message = widgets.LabelSlot(self.message)
+        message.setSizePolicy(
+            QtWidgets.QSizePolicy.Policy.Ignored, QtWidgets.QSizePolicy.Policy.Preferred
+        )  # the tools come first
+        widgets.arranged(QtWidgets.QHBoxLayout(bar), tools, message, rest=message, margins=(0, 0, 4, 0))
         self.tools.actions()[0].setChecked(True)
         self.tools.triggered.connect(self._set_tool)
         return bar
@@ -566,7 +537,7 @@ class PlanView(QWidget):
             action.triggered.connect(partial(self.drawing.pan, *by))
 
     def _action(self, text: str, key: str, tip: str) -> QAction:
-        return view_action(self, text, key, tip, checkable=False)
+        return base.view_action(self, text, key, tip, checkable=False)
 
     def _type_surface(self, post: bool) -> None:
         shown = self.drawing.shown
@@ -575,7 +546,7 @@ class PlanView(QWidget):
             return
         controller = self.drawing.controller
         self.typed = TypedSurface(lambda: controller.scene, shown.look.unit, self.gestures, post, self)
-        show_alone(self.typed)
+        widgets.show_alone(self.typed)
 
     def _turn_question(self, by: float) -> None:
         self.gestures.turned_question.emit(by)

@@ -16,17 +16,7 @@ from sonarhw_gui.model.look import Class, Look, ViewLayer, residual_unit
 from sonarhw_gui.model.scene import outline_ranges
 from sonarhw_gui.model.shown import Cursor, Shown
 from sonarhw_gui.model.theme import text_font
-from sonarhw_gui.views.base import (
-    PICK_DISTANCE,
-    Canvas,
-    Gestures,
-    ViewEntry,
-    cosmetic_pen,
-    label_axis,
-    label_length,
-    nearest_reading,
-    new_plot,
-)
+from sonarhw_gui.views import base
 from sonarhw_gui.views.marks import (
     ABOVE_MARKS,
     NO_MARKS,
@@ -85,17 +75,17 @@ _WIDEST = "-000.0"  # tick value on a left axis
 _ANY_DISTANCE = 1e6  # pixels: a click anywhere selects the nearest point
 
 
-class RangeView(Canvas):
+class RangeView(base.Canvas):
     """Draws ranges and residuals over heading."""
 
-    entry = ViewEntry("Ranges", picture_key="Ctrl+Alt+R")
+    entry = base.ViewEntry("Ranges", picture_key="Ctrl+Alt+R")
 
     def __init__(self) -> None:
-        self.ranges, self.residuals = new_plot(), new_plot()
+        self.ranges, self.residuals = base.new_plot(), base.new_plot()
         self._shown: Shown | None = None
         self._low = False  # whether the axes are labelled with their units only
         super().__init__(self.ranges, self.residuals)
-        self.gestures = Gestures(self)
+        self.gestures = base.Gestures(self)
         self._top = 0.0  # m, of the range axis
         self.residuals.setXLink(self.ranges)
         for plot in (self.ranges, self.residuals):
@@ -195,12 +185,12 @@ class RangeView(Canvas):
         self.notes.set_look(look)
         self._outline.set_look(look)
         for kind, arrows in self.beyond.items():
-            arrows.setPen(cosmetic_pen(look.palette.paper, width=1))
+            arrows.setPen(base.cosmetic_pen(look.palette.paper, width=1))
             arrows.setBrush(look.palette.of(kind))
         for line in self._chosen:
-            line.setPen(cosmetic_pen(look.palette.chosen, width=1, style=Qt.PenStyle.DotLine))
+            line.setPen(base.cosmetic_pen(look.palette.chosen, width=1, style=Qt.PenStyle.DotLine))
         for line in self._pointer:
-            line.setPen(cosmetic_pen(look.palette.ink, width=1))
+            line.setPen(base.cosmetic_pen(look.palette.ink, width=1))
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Shorten the labels of the axes in a low view."""
@@ -220,11 +210,11 @@ class RangeView(Canvas):
             plot.setMinimumHeight(0 if self._low else height)
         unit, axis = residual_unit(look.unit), self.residuals.getAxis("left")
         axis.setScale(unit.per_metre)
-        label_axis(axis, unit.label if self._low else f"residual ({unit.label})")
-        label_length(self.ranges.getAxis("left"), "range", look)
+        base.label_axis(axis, unit.label if self._low else f"residual ({unit.label})")
+        base.label_length(self.ranges.getAxis("left"), "range", look)
         if self._low:
-            label_axis(self.ranges.getAxis("left"), look.unit.label)
-        label_axis(self.residuals.getAxis("bottom"), "" if self._low else "heading in the room (°)")
+            base.label_axis(self.ranges.getAxis("left"), look.unit.label)
+        base.label_axis(self.residuals.getAxis("bottom"), "" if self._low else "heading in the room (°)")
 
     def _style_residuals(self, look: Look) -> None:
         unit = residual_unit(look.unit)
@@ -232,7 +222,7 @@ class RangeView(Canvas):
         self.residuals.setToolTip(f"measured minus predicted; a residual beyond ±{edge} is an arrow at the edge")
         self._tolerance.setBrush(look.palette.tolerance)
         for line in self._tolerance.lines:
-            line.setPen(cosmetic_pen(look.palette.tolerance))
+            line.setPen(base.cosmetic_pen(look.palette.tolerance))
 
     def _add_tolerance(self) -> pg.LinearRegionItem:
         band = pg.LinearRegionItem(
@@ -288,7 +278,7 @@ class RangeView(Canvas):
 
     @Slot(object)
     def _pick_for_menu(self, position: QPointF) -> None:
-        index = self._under(position, PICK_DISTANCE)
+        index = self._under(position, base.PICK_DISTANCE)
         if index is not None:
             self.gestures.picked.emit(index)
 
@@ -323,7 +313,7 @@ class RangeView(Canvas):
     def _under(self, click: QPointF, within: float = _ANY_DISTANCE) -> int | None:
         for plot, marks in zip((self.ranges, self.residuals), self._marks, strict=True):
             if plot.sceneBoundingRect().contains(click):
-                return nearest_reading(plot.vb, marks.placed, click, within)
+                return base.nearest_reading(plot.vb, marks.placed, click, within)
         return None
 
 

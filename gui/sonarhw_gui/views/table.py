@@ -6,44 +6,7 @@ from math import ceil
 from typing import Any
 
 import numpy as np
-from PySide6.QtCore import (
-    QAbstractTableModel,
-    QItemSelectionModel,
-    QMargins,
-    QModelIndex,
-    QObject,
-    QPersistentModelIndex,
-    Qt,
-    Signal,
-    Slot,
-)
-from PySide6.QtGui import (
-    QAction,
-    QBrush,
-    QColor,
-    QFont,
-    QFontMetrics,
-    QFontMetricsF,
-    QGuiApplication,
-    QIcon,
-    QKeyEvent,
-    QKeySequence,
-    QPalette,
-    QPixmap,
-    QResizeEvent,
-    QShortcut,
-    QTextLayout,
-)
-from PySide6.QtWidgets import (
-    QAbstractItemView,
-    QHBoxLayout,
-    QLineEdit,
-    QSizePolicy,
-    QTableView,
-    QToolButton,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6 import QtCore, QtGui, QtWidgets
 from sonarhw_compare.match import Kind
 
 from sonarhw.errors import counted
@@ -74,8 +37,8 @@ from sonarhw_gui.widgets import ElidedLabel, FlowLayout, PlainLabel, arranged, p
 # half a million comparisons in a log of one hour.
 
 
-Index = QModelIndex | QPersistentModelIndex
-_Role = Qt.ItemDataRole
+Index = QtCore.QModelIndex | QtCore.QPersistentModelIndex
+_Role = QtCore.Qt.ItemDataRole
 _KNOWN_ROLES = frozenset(
     map(
         int,
@@ -89,18 +52,18 @@ _PREDICTED = frozenset((Column.PREDICTED, Column.RESIDUAL, Column.CLASS, Column.
 _AT_RIGHT = (Column.NUMBER, Column.HEADING, Column.MEASURED, Column.PREDICTED, Column.RESIDUAL)
 
 
-class ReadingModel(QAbstractTableModel):
+class ReadingModel(QtCore.QAbstractTableModel):
     """The filtered rows in the selected order."""
 
-    def __init__(self, parent: QObject) -> None:
+    def __init__(self, parent: QtCore.QObject) -> None:
         super().__init__(parent)
         self.rows: ReadingRows = NO_ROWS
         self.order: IntArray = np.empty(0, np.int64)  # index into `rows` for each row of the table
         self.query = RowQuery()
         self._shown: Shown | None = None
         self._sentences: dict[int, str] = {}
-        self._marks: dict[Class, QPixmap] = {}
-        self._faint: QBrush | None = None  # colour of predicted values while they are outdated
+        self._marks: dict[Class, QtGui.QPixmap] = {}
+        self._faint: QtGui.QBrush | None = None  # colour of predicted values while they are outdated
 
     def show_state(self, shown: Shown) -> None:
         """Update readings, classes and look."""
@@ -108,7 +71,7 @@ class ReadingModel(QAbstractTableModel):
         if shown.changed_since(before, lambda new: (new.look, new.origin)):
             self._marks = {kind: _mark(kind, shown.look) for kind in CLASSES}
             self._sentences.clear()
-            self.headerDataChanged.emit(Qt.Orientation.Horizontal, 0, len(Column) - 1)
+            self.headerDataChanged.emit(QtCore.Qt.Orientation.Horizontal, 0, len(Column) - 1)
             self._emit_data_changed()
         if before is None or not shown.same_readings(before):
             self._sentences.clear()
@@ -116,7 +79,7 @@ class ReadingModel(QAbstractTableModel):
         elif before.notes is not shown.notes:
             self._change(self.rows, order_of(self.rows, self.query, shown.notes))
         if shown.changed_since(before, lambda new: (new.outdated, new.look)):
-            self._faint = QBrush(QColor(shown.look.palette.faint)) if shown.outdated else None
+            self._faint = QtGui.QBrush(QtGui.QColor(shown.look.palette.faint)) if shown.outdated else None
             self._emit_data_changed()
 
     def set_query(self, query: RowQuery) -> None:
@@ -131,15 +94,15 @@ class ReadingModel(QAbstractTableModel):
 
     # QAbstractTableModel
 
-    def rowCount(self, parent: Index = QModelIndex()) -> int:
+    def rowCount(self, parent: Index = QtCore.QModelIndex()) -> int:
         """Return the number of rows."""
         return 0 if parent.isValid() else len(self.order)
 
-    def columnCount(self, parent: Index = QModelIndex()) -> int:
+    def columnCount(self, parent: Index = QtCore.QModelIndex()) -> int:
         """Return the number of columns."""
         return 0 if parent.isValid() else len(Column)
 
-    def data(self, index: Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
+    def data(self, index: Index, role: int = QtCore.Qt.ItemDataRole.DisplayRole) -> Any:
         """Return text, mark, alignment, tooltip or colour of a cell."""
         if role not in _KNOWN_ROLES or not index.isValid() or self._shown is None:
             return None
@@ -152,21 +115,27 @@ class ReadingModel(QAbstractTableModel):
             case _Role.DecorationRole if column is Column.CLASS:
                 return self._marks[CLASSES[self.rows.classes[row]]]
             case _Role.TextAlignmentRole if column in _AT_RIGHT:
-                return Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
+                return QtCore.Qt.AlignmentFlag.AlignRight | QtCore.Qt.AlignmentFlag.AlignVCenter
             case _Role.ForegroundRole if column in _PREDICTED:
                 return self._faint
         return None
 
-    def headerData(self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
+    def headerData(
+        self, section: int, orientation: QtCore.Qt.Orientation, role: int = QtCore.Qt.ItemDataRole.DisplayRole
+    ) -> Any:
         """Return the name of a column with its unit."""
-        if orientation is Qt.Orientation.Horizontal and role == Qt.ItemDataRole.DisplayRole and self._shown:
+        if (
+            orientation is QtCore.Qt.Orientation.Horizontal
+            and role == QtCore.Qt.ItemDataRole.DisplayRole
+            and self._shown
+        ):
             return column_name(Column(section), self._shown.look, self._shown.origin)
         return None
 
-    def sort(self, column: int, order: Qt.SortOrder = Qt.SortOrder.AscendingOrder) -> None:
+    def sort(self, column: int, order: QtCore.Qt.SortOrder = QtCore.Qt.SortOrder.AscendingOrder) -> None:
         """Sort by a column. Sentences begin with the range and are sorted by it."""
         by = Column.MEASURED if column == Column.SENTENCE else Column(column)
-        descending = order is Qt.SortOrder.DescendingOrder
+        descending = order is QtCore.Qt.SortOrder.DescendingOrder
         self.set_query(replace(self.query, column=by, descending=descending))
 
     # changes
@@ -190,11 +159,11 @@ class ReadingModel(QAbstractTableModel):
             self.endResetModel()
             return
         if after > before:
-            self.beginInsertRows(QModelIndex(), before, after - 1)
+            self.beginInsertRows(QtCore.QModelIndex(), before, after - 1)
             self.rows, self.order = rows, order
             self.endInsertRows()
         elif after < before:
-            self.beginRemoveRows(QModelIndex(), after, before - 1)
+            self.beginRemoveRows(QtCore.QModelIndex(), after, before - 1)
             self.rows, self.order = rows, order
             self.endRemoveRows()
         self.rows, self.order = rows, order
@@ -205,12 +174,12 @@ class ReadingModel(QAbstractTableModel):
             self.dataChanged.emit(self.index(0, 0), self.index(len(self.order) - 1, len(Column) - 1))
 
 
-def _mark(kind: Class, look: Look) -> QPixmap:
+def _mark(kind: Class, look: Look) -> QtGui.QPixmap:
     """Return the mark of a class, or an empty picture of the same size."""
     if kind in MARKS:
         return mark_picture(kind, look.palette, 1.0)
-    empty = QPixmap(mark_picture(Unclassed.MEASURED, look.palette, 1.0).size())
-    empty.fill(Qt.GlobalColor.transparent)
+    empty = QtGui.QPixmap(mark_picture(Unclassed.MEASURED, look.palette, 1.0).size())
+    empty.fill(QtCore.Qt.GlobalColor.transparent)
     return empty
 
 
@@ -228,18 +197,18 @@ _BESIDE = 12  # pixels, margins
 _ARROW = 14  # pixels, sort indicator in the header
 _LEAST_WORDS = 70  # pixels, of the field for words
 _MANY = 360  # readings
-_SELECT = QItemSelectionModel.SelectionFlag.ClearAndSelect | QItemSelectionModel.SelectionFlag.Rows
+_SELECT = QtCore.QItemSelectionModel.SelectionFlag.ClearAndSelect | QtCore.QItemSelectionModel.SelectionFlag.Rows
 
 
-class _Rows(QTableView):
+class _Rows(QtWidgets.QTableView):
     """A table view that leaves copying to its owner."""
 
-    copied = Signal()
-    resized = Signal()
+    copied = QtCore.Signal()
+    resized = QtCore.Signal()
 
-    def keyPressEvent(self, event: QKeyEvent) -> None:
+    def keyPressEvent(self, event: QtGui.QKeyEvent) -> None:
         """Copy rows instead of the text of one cell."""
-        if event.matches(QKeySequence.StandardKey.Copy):
+        if event.matches(QtGui.QKeySequence.StandardKey.Copy):
             self.copied.emit()
         else:
             super().keyPressEvent(event)
@@ -248,14 +217,14 @@ class _Rows(QTableView):
         """Lay out new rows now: Qt would do it after the next paint, and paint again."""
         self.executeDelayedItemsLayout()
 
-    def resizeEvent(self, event: QResizeEvent) -> None:
+    def resizeEvent(self, event: QtGui.QResizeEvent) -> None:
         """Keep the selected row visible."""
         super().resizeEvent(event)
         self.resized.emit()
         self.scrollTo(self.currentIndex())
 
 
-class TableView(QWidget):
+class TableView(QtWidgets.QWidget):
     """A table with one row for each reading, and filters above it."""
 
     entry = ViewEntry("Readings", is_text=True)
@@ -269,28 +238,32 @@ class TableView(QWidget):
         self._following = False  # whether the selection changes because the selected reading or the rows changed
         self.model = ReadingModel(self)
         self.view = self._made_view()
-        self.words = QLineEdit(clearButtonEnabled=True, placeholderText="wall, heading, class or note (Ctrl+F)")
+        self.words = QtWidgets.QLineEdit(
+            clearButtonEnabled=True, placeholderText="wall, heading, class or note (Ctrl+F)"
+        )
         self.words.setMinimumWidth(_LEAST_WORDS)
         self.words.setToolTip("Show only readings whose path, heading, class and note contain all these words")
         self.classes = {kind: self._made_button(kind) for kind in CLASSES}
-        self.noted = QToolButton(autoRaise=True)
+        self.noted = QtWidgets.QToolButton(autoRaise=True)
         self.noted.setCheckable(True)
         self.noted.hide()
         self.noted.setToolTip("List only readings with a note")
-        self.copy = QToolButton()
-        copy = QAction("Copy CSV", self)
+        self.copy = QtWidgets.QToolButton()
+        copy = QtGui.QAction("Copy CSV", self)
         copy.setToolTip("Copy the selected rows; with fewer than two selected, copy all listed rows (Ctrl+C)")
         copy.triggered.connect(self.copy_rows)
         self.copy.setDefaultAction(copy)
         self.addAction(copy)
-        switches = QWidget()
-        flow = FlowLayout(switches, QMargins(0, 0, 0, 0), gap=2)
+        switches = QtWidgets.QWidget()
+        flow = FlowLayout(switches, QtCore.QMargins(0, 0, 0, 0), gap=2)
         for button in (*self.classes.values(), self.noted):
             flow.addWidget(button)
-        self.words.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Fixed)  # the switches come first
+        self.words.setSizePolicy(
+            QtWidgets.QSizePolicy.Policy.Ignored, QtWidgets.QSizePolicy.Policy.Fixed
+        )  # the switches come first
         parts = switches, self.words, self.copy
-        bar = arranged(QHBoxLayout(), *parts, rest=self.words, margins=(6, 2, 6, 2), gap=2)
-        arranged(QVBoxLayout(self), bar, self.view)
+        bar = arranged(QtWidgets.QHBoxLayout(), *parts, rest=self.words, margins=(6, 2, 6, 2), gap=2)
+        arranged(QtWidgets.QVBoxLayout(self), bar, self.view)
         self._connect()
 
     def show_state(self, shown: Shown) -> None:
@@ -323,7 +296,7 @@ class TableView(QWidget):
     def picture(self) -> None:
         """Return None: only plots are saved as pictures."""
 
-    @Slot()
+    @QtCore.Slot()
     def copy_rows(self) -> None:
         """Copy the selected rows as CSV; with fewer than two selected, copy all listed rows."""
         if self._shown is not None:
@@ -331,27 +304,27 @@ class TableView(QWidget):
             order = self.model.order[selected] if len(selected) > 1 else self.model.order
             in_metres = replace(self._shown, look=Look())
             text = rows_as_csv(self.model.rows, order.tolist(), in_metres.sentence_of, in_metres.notes)
-            QGuiApplication.clipboard().setText(text)
+            QtGui.QGuiApplication.clipboard().setText(text)
 
     def _made_view(self) -> _Rows:
         view = _Rows(showGrid=False, wordWrap=False)
         view.setAlternatingRowColors(True)
         view.setModel(self.model)
-        view.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
-        view.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
-        view.setVerticalScrollMode(QAbstractItemView.ScrollMode.ScrollPerItem)
+        view.setSelectionBehavior(QtWidgets.QAbstractItemView.SelectionBehavior.SelectRows)
+        view.setEditTriggers(QtWidgets.QAbstractItemView.EditTrigger.NoEditTriggers)
+        view.setVerticalScrollMode(QtWidgets.QAbstractItemView.ScrollMode.ScrollPerItem)
         view.setTabKeyNavigation(False)
         view.verticalHeader().hide()
         view.horizontalHeader().setStretchLastSection(True)
         view.horizontalHeader().setHighlightSections(False)
-        view.horizontalHeader().setSortIndicator(Column.NUMBER, Qt.SortOrder.AscendingOrder)
+        view.horizontalHeader().setSortIndicator(Column.NUMBER, QtCore.Qt.SortOrder.AscendingOrder)
         view.setSortingEnabled(True)
         return view
 
-    def _made_button(self, kind: Class) -> QToolButton:
-        button = QToolButton(autoRaise=True)
+    def _made_button(self, kind: Class) -> QtWidgets.QToolButton:
+        button = QtWidgets.QToolButton(autoRaise=True)
         button.hide()  # until there are such readings
-        button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
+        button.setToolButtonStyle(QtCore.Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
         meaning = MARKS[kind].meaning if kind in MARKS else "neither measured nor predicted"
         button.setToolTip(f"{class_name(kind)}: {meaning}. Click to hide or show these readings in all views")
         button.clicked.connect(partial(self._switch, kind))
@@ -366,12 +339,12 @@ class TableView(QWidget):
         self.view.copied.connect(self.copy_rows)
         self.view.resized.connect(self._choose_columns)
         self.view.horizontalHeader().sortIndicatorChanged.connect(self._move_arrow)
-        QShortcut(QKeySequence.StandardKey.Find, self).activated.connect(self.words.setFocus)
+        QtGui.QShortcut(QtGui.QKeySequence.StandardKey.Find, self).activated.connect(self.words.setFocus)
 
     def _set_look(self, shown: Shown) -> None:
         look = shown.look
         font = text_font(look, 0.9)
-        metrics = QFontMetrics(font)
+        metrics = QtGui.QFontMetrics(font)
         self.view.setFont(font)
         self.view.horizontalHeader().setFont(font)
         self.view.verticalHeader().setDefaultSectionSize(metrics.height() + 4)
@@ -388,7 +361,9 @@ class TableView(QWidget):
         for kind, button in self.classes.items():
             mark = partial(mark_picture, kind) if kind in MARKS else no_picture
             button.setIcon(
-                QIcon(switch_picture(mark, shown.look.palette, self.devicePixelRatioF(), kind not in shown.hidden))
+                QtGui.QIcon(
+                    switch_picture(mark, shown.look.palette, self.devicePixelRatioF(), kind not in shown.hidden)
+                )
             )
             button.setFixedSize(button.sizeHint())
 
@@ -414,7 +389,7 @@ class TableView(QWidget):
         )
         return text + _BESIDE + _MARK * (column is Column.CLASS) + _ARROW * (column is self._sorted_by)
 
-    @Slot()
+    @QtCore.Slot()
     def _choose_columns(self) -> None:
         """Hide the least important columns until the others are readable."""
         if self._shown is None:
@@ -430,7 +405,7 @@ class TableView(QWidget):
         # the last column is stretched but never made smaller
         self.view.setColumnWidth(Column.PATH, self._path_width if Column.SENTENCE in needed else needed[Column.PATH])
 
-    @Slot(int)
+    @QtCore.Slot(int)
     def _move_arrow(self, column: int) -> None:
         before, self._sorted_by = self._sorted_by, Column(column)
         if self._shown is not None:
@@ -458,13 +433,13 @@ class TableView(QWidget):
 
     def _fade_counts(self, shown: Shown) -> None:
         """Show the counts in grey while they belong to an older prediction."""
-        colours = QPalette()
+        colours = QtGui.QPalette()
         if shown.outdated:
-            colours.setColor(QPalette.ColorRole.ButtonText, shown.look.palette.faint)
+            colours.setColor(QtGui.QPalette.ColorRole.ButtonText, shown.look.palette.faint)
         for button in self.classes.values():
             button.setPalette(colours)
 
-    @Slot()
+    @QtCore.Slot()
     def _filter(self) -> None:
         hidden = frozenset(kind for kind in CLASSES if self._shown is not None and kind in self._shown.hidden)
         self._following = True
@@ -487,19 +462,19 @@ class TableView(QWidget):
         selection.setCurrentIndex(self.model.index(place, max(current.column(), 0)), _SELECT)
         self._following = False
 
-    @Slot()
+    @QtCore.Slot()
     def _follow_again(self) -> None:
         if self._shown is not None:
             self._follow(self._shown.chosen)
             self.view.scrollTo(self.view.currentIndex())
 
-    @Slot(QModelIndex, QModelIndex)
-    def _row_changed(self, current: QModelIndex, before: QModelIndex) -> None:
+    @QtCore.Slot(QtCore.QModelIndex, QtCore.QModelIndex)
+    def _row_changed(self, current: QtCore.QModelIndex, before: QtCore.QModelIndex) -> None:
         if not self._following:
             self._pick(current)
 
-    @Slot(QModelIndex)
-    def _pick(self, index: QModelIndex) -> None:
+    @QtCore.Slot(QtCore.QModelIndex)
+    def _pick(self, index: QtCore.QModelIndex) -> None:
         if index.isValid():
             self.gestures.picked.emit(int(self.model.order[index.row()]))
 
@@ -531,7 +506,7 @@ class Sentence(PlainLabel):
         self._whole = ""
         self._look: Look | None = None
         self.setWordWrap(True)
-        self.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self.setTextInteractionFlags(QtCore.Qt.TextInteractionFlag.TextSelectableByMouse)
         self.setContentsMargins(_MARGIN, _ABOVE, _MARGIN, _ABOVE)
         self.setMinimumWidth(1)
 
@@ -541,13 +516,13 @@ class Sentence(PlainLabel):
         if self._look is None or self._look.scale != shown.look.scale:
             self._look = shown.look
             self.setFont(text_font(shown.look, _SIZE))
-            self.setFixedHeight(_LINES * ceil(QFontMetricsF(self.font()).lineSpacing()) + 2 * _ABOVE)
+            self.setFixedHeight(_LINES * ceil(QtGui.QFontMetricsF(self.font()).lineSpacing()) + 2 * _ABOVE)
             self._fit()
         if self._whole != shown.sentence:
             self._whole = shown.sentence
             self._fit()
 
-    def resizeEvent(self, event: QResizeEvent) -> None:
+    def resizeEvent(self, event: QtGui.QResizeEvent) -> None:
         """Fit the sentence into the new width."""
         super().resizeEvent(event)
         self._fit()
@@ -564,7 +539,7 @@ class BounceLine(ElidedLabel):
 
     def __init__(self) -> None:
         super().__init__()
-        self.setAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
+        self.setAlignment(QtCore.Qt.AlignmentFlag.AlignLeft | QtCore.Qt.AlignmentFlag.AlignVCenter)
         self.setContentsMargins(_MARGIN, 0, _MARGIN, _BELOW)
         self._look: Look | None = None
 
@@ -574,7 +549,7 @@ class BounceLine(ElidedLabel):
         if self._look is None or self._look.scale != shown.look.scale:
             self._look = shown.look
             self.setFont(text_font(shown.look))
-            self.setFixedHeight(ceil(QFontMetricsF(self.font()).lineSpacing()) + _BELOW)
+            self.setFixedHeight(ceil(QtGui.QFontMetricsF(self.font()).lineSpacing()) + _BELOW)
         note = "" if shown.asked is not None else shown.notes.of(shown.chosen)
         text = " — ".join(filter(None, (f"note: {note}" if note else "", bounces_text(shown))))
         self.setText(text)
@@ -582,14 +557,14 @@ class BounceLine(ElidedLabel):
 
 def _fade(label: PlainLabel, outdated: bool) -> None:
     """Show a text in grey or in black. Qt sends a change of the palette even if the role is the same."""
-    role = QPalette.ColorRole.PlaceholderText if outdated else QPalette.ColorRole.WindowText
+    role = QtGui.QPalette.ColorRole.PlaceholderText if outdated else QtGui.QPalette.ColorRole.WindowText
     if label.foregroundRole() != role:
         label.setForegroundRole(role)
 
 
-def shortened_to_lines(text: str, font: QFont, width: float, lines: int) -> str:
+def shortened_to_lines(text: str, font: QtGui.QFont, width: float, lines: int) -> str:
     """Return the text that fits into `lines` lines of `width` pixels; a shortened text ends in …."""
-    layout = QTextLayout(text, font)
+    layout = QtGui.QTextLayout(text, font)
     layout.beginLayout()
     starts = []
     while (line := layout.createLine()).isValid():
@@ -599,5 +574,5 @@ def shortened_to_lines(text: str, font: QFont, width: float, lines: int) -> str:
     if len(starts) <= lines:
         return text
     last = starts[lines - 1]
-    metrics = QFontMetricsF(font)
-    return text[:last] + metrics.elidedText(text[last:], Qt.TextElideMode.ElideRight, width)
+    metrics = QtGui.QFontMetricsF(font)
+    return text[:last] + metrics.elidedText(text[last:], QtCore.Qt.TextElideMode.ElideRight, width)

@@ -20,18 +20,7 @@ from sonarhw_gui.jobs.traces import ChosenTrace, Curve, NamedEcho, TraceCurves
 from sonarhw_gui.model.look import Look, ViewLayer
 from sonarhw_gui.model.scene import Scene
 from sonarhw_gui.model.shown import Cursor, Shown, SoundMoment, initial_range
-from sonarhw_gui.views.base import (
-    Canvas,
-    Gestures,
-    PlotAxis,
-    PlotLayer,
-    ViewEntry,
-    add_buttons,
-    cosmetic_pen,
-    label_axis,
-    new_plot,
-    view_action,
-)
+from sonarhw_gui.views import base
 from sonarhw_gui.views.marks import PlotLine, Spots, TipSpots
 from sonarhw_gui.widgets import ElidedLabel, LabelSlot, PlainLabel, arranged
 
@@ -89,7 +78,7 @@ def signal_curve(sound: TraceCurves) -> Curve:
     return Curve(np.concatenate((times, gap, times)), np.concatenate((levels, gap, -levels)))
 
 
-class UnitAxis(PlotAxis):
+class UnitAxis(base.PlotAxis):
     """An axis whose tick values include the unit, which takes less height than a label."""
 
     def __init__(self, side: str) -> None:
@@ -108,7 +97,7 @@ class UnitAxis(PlotAxis):
         return [f"{text} {self.unit}" for text in super().tickStrings(values, scale, spacing)]
 
 
-class HeightAxis(PlotAxis):
+class HeightAxis(base.PlotAxis):
     """Axis without tick values above `top`, where names are drawn."""
 
     def __init__(self) -> None:
@@ -119,7 +108,7 @@ class HeightAxis(PlotAxis):
         """Set the height scale."""
         if heights != self._heights:
             self._heights = heights
-            label_axis(self, heights.label)
+            base.label_axis(self, heights.label)
 
     def tickStrings(self, values: list[float], scale: float, spacing: float) -> list[str]:
         """Return the tick values, empty above the top."""
@@ -128,7 +117,7 @@ class HeightAxis(PlotAxis):
         return [text if value <= top else "" for text, value in zip(texts, values, strict=True)]
 
 
-class GainAxis(PlotAxis):
+class GainAxis(base.PlotAxis):
     """Axis in dB for the gain curve, which is scaled to the height range of the traces."""
 
     def __init__(self) -> None:
@@ -187,8 +176,8 @@ class TraceCursors(QObject):
     def set_look(self, look: Look) -> None:
         """Use the colours of `look`."""
         for line in self._lines:
-            line.setPen(cosmetic_pen(look.palette.chosen, width=1))
-            line.setHoverPen(cosmetic_pen(look.palette.chosen, width=3))
+            line.setPen(base.cosmetic_pen(look.palette.chosen, width=1))
+            line.setHoverPen(base.cosmetic_pen(look.palette.chosen, width=3))
             line.label.setColor(look.palette.paper)
             line.label.fill = pg.mkBrush(look.palette.chosen)
 
@@ -240,7 +229,7 @@ _FROM = 3e-4  # s; earlier, the gain of an ideal receiver approaches zero
 _BEHIND = -20  # z value
 
 
-class TraceMarks(PlotLayer):
+class TraceMarks(base.PlotLayer):
     """The marks of one plot. Its right axis shows the gain."""
 
     def __init__(self, plot: pg.PlotItem, gain_axis: GainAxis) -> None:
@@ -282,7 +271,7 @@ class TraceMarks(PlotLayer):
 # The cursor of the trace that is in step with the sound in the plan, and the point where the threshold is crossed.
 
 
-class TraceSound(PlotLayer):
+class TraceSound(base.PlotLayer):
     """A line at the time of the sound, and a ring at the detection once it has happened."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
@@ -354,7 +343,7 @@ class EchoNames:
         self._look = look
         self._font.setPointSizeF(_POINTS * look.scale)
         self._metrics = QFontMetricsF(self._font)
-        self._stems.setPen(cosmetic_pen(look.palette.predicted, width=1, style=Qt.PenStyle.DotLine))
+        self._stems.setPen(base.cosmetic_pen(look.palette.predicted, width=1, style=Qt.PenStyle.DotLine))
         for detected, heads in self._heads.items():
             heads.setBrush(self._colour(detected))
         for item in self._items:
@@ -464,29 +453,29 @@ _STEPS = 200  # key presses that move a cursor across the view
 class TraceView(QWidget):
     """Draws the trace of the selected reading."""
 
-    entry = ViewEntry("Trace", picture_key="Ctrl+Alt+T", menu="Trace")
+    entry = base.ViewEntry("Trace", picture_key="Ctrl+Alt+T", menu="Trace")
 
     def __init__(self) -> None:
         super().__init__()
-        self.gestures = Gestures(self)
+        self.gestures = base.Gestures(self)
         self._shown: Shown | None = None
         self._look = Look()
         self._trace: ChosenTrace | None = None
         self._duration, self._heights = 0.0, EMPTY
-        self.envelope = view_action(self, "Envelope", "V", "Show the envelope in dB")
-        self.rf = view_action(self, "RF", "R", "Show the signal with its carrier")
+        self.envelope = base.view_action(self, "Envelope", "V", "Show the envelope in dB")
+        self.rf = base.view_action(self, "RF", "R", "Show the signal with its carrier")
         self.forms = QActionGroup(self)
         for form in (self.envelope, self.rf):
             self.forms.addAction(form)
         self.envelope.setChecked(True)
-        self.cursors_shown = view_action(self, "Cursors", "C", "Show two cursors for time and range; drag to move")
+        self.cursors_shown = base.view_action(self, "Cursors", "C", "Show two cursors for time and range; drag to move")
         self.title, self.readout = ElidedLabel(), PlainLabel()
         self.title.setAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
         gain_axis = GainAxis()
         self._times, self._ranges, self._levels = UnitAxis("bottom"), UnitAxis("top"), HeightAxis()
         axes = {"left": self._levels, "right": gain_axis, "top": self._ranges, "bottom": self._times}
-        self.plot = new_plot(axes, zooms_height=False)
-        self.canvas = Canvas(self.plot)
+        self.plot = base.new_plot(axes, zooms_height=False)
+        self.canvas = base.Canvas(self.plot)
         self._predicted, self._measured = _curve_item(), _curve_item()
         for item in (self._predicted, self._measured):
             self.plot.addItem(item, ignoreBounds=True)
@@ -519,7 +508,7 @@ class TraceView(QWidget):
     def _arrange(self) -> None:
         title = LabelSlot(self.title)
         row = arranged(QHBoxLayout(), title, rest=title, margins=(8, 2, 8, 0), gap=3)
-        add_buttons(row, (self.envelope, self.rf, self.cursors_shown))
+        base.add_buttons(row, (self.envelope, self.rf, self.cursors_shown))
         self.readout.setVisible(False)
         self.readout.setContentsMargins(8, 0, 8, 2)
         arranged(QVBoxLayout(self), row, self.canvas, self.readout, rest=self.canvas)
@@ -532,7 +521,7 @@ class TraceView(QWidget):
         for which, name in enumerate("AB"):
             for side, by in (("Left", -1), ("Right", 1)):
                 key = f"Alt+Shift+{side}" if which else f"Alt+{side}"
-                action = view_action(
+                action = base.view_action(
                     self, f"Cursor {name} {side.lower()}", key, "Move the cursor by a small step", checkable=False
                 )
                 action.triggered.connect(partial(self._step_cursor, which, by))
@@ -548,12 +537,12 @@ class TraceView(QWidget):
         self.canvas.setMinimumHeight(round(_LOWEST * look.scale))
         self._times.set_unit("ms", 1e3)
         gain = self.plot.getAxis("right")
-        label_axis(gain, "gain (dB)")
+        base.label_axis(gain, "gain (dB)")
         for axis in (gain, self._ranges):
             axis.setGrid(False)
-        self._predicted.setPen(cosmetic_pen(colours.predicted, width=1, style=Qt.PenStyle.DashLine))
-        self._measured.setPen(cosmetic_pen(colours.measured, width=1))
-        self._pointer.setPen(cosmetic_pen(colours.chosen, width=1, style=Qt.PenStyle.DotLine))
+        self._predicted.setPen(base.cosmetic_pen(colours.predicted, width=1, style=Qt.PenStyle.DashLine))
+        self._measured.setPen(base.cosmetic_pen(colours.measured, width=1))
+        self._pointer.setPen(base.cosmetic_pen(colours.chosen, width=1, style=Qt.PenStyle.DotLine))
         for part in (self.marks, self.names, self.cursors, self.sound):
             part.set_look(look)
 

@@ -2,19 +2,8 @@
 
 from pathlib import Path
 
+from PySide6 import QtWidgets
 from PySide6.QtCore import QMargins, Qt, QTimer, Signal, Slot
-from PySide6.QtWidgets import (
-    QComboBox,
-    QFrame,
-    QHBoxLayout,
-    QProgressBar,
-    QPushButton,
-    QSizePolicy,
-    QStatusBar,
-    QToolBar,
-    QToolButton,
-    QWidget,
-)
 
 from sonarhw.readings import Origin
 from sonarhw_gui.model.look import LIGHT, Look
@@ -31,7 +20,7 @@ from sonarhw_gui.window.commands import Commands
 # does not block a running scan.
 
 
-class Banner(QFrame):
+class Banner(QtWidgets.QFrame):
     """Shows one notice at a time, the newest of the most severe kind; hidden without notices."""
 
     opened = Signal(bool)  # before it is shown: True; after it is hidden: False
@@ -42,19 +31,19 @@ class Banner(QFrame):
         self._notices = notices
         self._label = PlainLabel()
         self._label.setWordWrap(True)
-        self._label.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
-        self.more_button = QToolButton(autoRaise=True)
+        self._label.setSizePolicy(QtWidgets.QSizePolicy.Policy.Expanding, QtWidgets.QSizePolicy.Policy.Preferred)
+        self.more_button = QtWidgets.QToolButton(autoRaise=True)
         self.more_button.setToolTip("Show the next message")
         self.more_button.clicked.connect(notices.show_next)
-        self.accept_button = QPushButton()
+        self.accept_button = QtWidgets.QPushButton()
         self.accept_button.clicked.connect(notices.accept)
-        self.decline_button = QPushButton()
+        self.decline_button = QtWidgets.QPushButton()
         self.decline_button.clicked.connect(notices.decline)
-        self.close_button = QToolButton(autoRaise=True)
+        self.close_button = QtWidgets.QToolButton(autoRaise=True)
         self.close_button.setText("×")
         self.close_button.setToolTip("Dismiss this message")
         self.close_button.clicked.connect(notices.dismiss)
-        row = QHBoxLayout(self)
+        row = QtWidgets.QHBoxLayout(self)
         row.setContentsMargins(10, 4, 6, 4)
         for part in (self._label, self.accept_button, self.decline_button, self.more_button, self.close_button):
             row.addWidget(part)
@@ -107,7 +96,7 @@ _CLICK = "Click {}: the sentence below says why."
 _COLOURS = "measured", "predicted", "chosen"  # of the steps
 
 
-class Hint(QFrame):
+class Hint(QtWidgets.QFrame):
     """Three steps in one line, shown until a reading is selected, or for two minutes."""
 
     ended = Signal()
@@ -115,16 +104,16 @@ class Hint(QFrame):
     def __init__(self) -> None:
         super().__init__()
         self.setObjectName("hint")
-        steps = QWidget()
+        steps = QtWidgets.QWidget()
         row = FlowLayout(steps, QMargins(6, 2, 6, 2), gap=18)
         self.labels = [PlainLabel() for _ in _COLOURS]
         for label in self.labels:
             row.addWidget(label)
-        self.close_button = QToolButton(autoRaise=True)
+        self.close_button = QtWidgets.QToolButton(autoRaise=True)
         self.close_button.setText("×")
         self.close_button.setToolTip("Close this hint; Help > First steps shows it again")
         self.close_button.clicked.connect(self.end)
-        line = QHBoxLayout(self)
+        line = QtWidgets.QHBoxLayout(self)
         line.setContentsMargins(4, 0, 6, 0)
         line.addWidget(steps, stretch=1)
         line.addWidget(self.close_button)
@@ -178,7 +167,7 @@ _FEW = 360  # readings; so many are compared within a moment, as during a scan
 _MESSAGE_TIME = 10_000  # ms
 
 
-class StatusBar(QStatusBar):
+class StatusBar(QtWidgets.QStatusBar):
     """The line at the bottom of the window."""
 
     def __init__(self) -> None:
@@ -194,7 +183,7 @@ class StatusBar(QStatusBar):
         widest = self.figures.fontMetrics().horizontalAdvance("00000 readings · 000.0 Hz · 0000 lost · -00.0 °C")
         self.figures.setMinimumWidth(widest)
         self.figures.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
-        self.progress = QProgressBar()
+        self.progress = QtWidgets.QProgressBar()
         self.progress.setFixedWidth(self.progress.fontMetrics().horizontalAdvance("000 of at most 000 parts") + 16)
         self.progress.setFormat("%v of at most %m parts")
         self.progress.setToolTip("Parts of the model that are compiled; this prediction may not need all of them")
@@ -284,7 +273,7 @@ def _short(path: Path) -> str:
 _PLACE = 11  # characters of a place given as X,Y in metres, to the millimetre
 
 
-class ToolBar(QToolBar):
+class ToolBar(QtWidgets.QToolBar):
     """The most frequent commands, and the list of places."""
 
     def __init__(self, commands: Commands) -> None:
@@ -292,7 +281,7 @@ class ToolBar(QToolBar):
         self.setObjectName("toolbar")
         self.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
         self.setContextMenuPolicy(Qt.ContextMenuPolicy.PreventContextMenu)
-        self.place = QComboBox()
+        self.place = QtWidgets.QComboBox()
         self.place.setToolTip("Place of the scanner in the room")
         self.place.setMinimumContentsLength(_PLACE)
         self.addActions([commands.open_room, commands.open_log, commands.connect_scanner])
@@ -303,15 +292,15 @@ class ToolBar(QToolBar):
         self.addSeparator()
         self.addAction(commands.fit)
         self.addWidget(self._named_place())
-        gap = QWidget()
-        gap.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
+        gap = QtWidgets.QWidget()
+        gap.setSizePolicy(QtWidgets.QSizePolicy.Policy.Expanding, QtWidgets.QSizePolicy.Policy.Preferred)
         self.addWidget(gap)
         self.addAction(commands.switch_palette)
 
-    def _named_place(self) -> QWidget:
+    def _named_place(self) -> QtWidgets.QWidget:
         """Return name and list in one part: on a narrow screen both move behind the arrow of the toolbar."""
-        part = QWidget()
-        row = QHBoxLayout(part)
+        part = QtWidgets.QWidget()
+        row = QtWidgets.QHBoxLayout(part)
         row.setContentsMargins(0, 0, 0, 0)
         row.addWidget(PlainLabel("  Place "))
         row.addWidget(self.place)

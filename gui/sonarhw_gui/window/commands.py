@@ -254,7 +254,7 @@ class Commands:
         """`views`: the views of the window; each has a command that shows it or one that saves a picture of it."""
         self._owner = owner
         self._menus = {
-            menu: [one for entry in entries for one in _with_views(entry, views)] for menu, entries in _MENUS.items()
+            menu: [view for entry in entries for view in _with_views(entry, views)] for menu, entries in _MENUS.items()
         }
         self._commands = [one for entries in self._menus.values() for one in entries if isinstance(one, WindowCommand)]
         self._groups: dict[str, QActionGroup] = {}

@@ -6,26 +6,9 @@ from html import escape
 from pathlib import Path
 from typing import TypeVar
 
+from PySide6 import QtWidgets
 from PySide6.QtCore import QEvent, QModelIndex, QObject, QSize, Qt, Signal, Slot
 from PySide6.QtGui import QAction, QKeyEvent, QKeySequence
-from PySide6.QtWidgets import (
-    QApplication,
-    QComboBox,
-    QDialog,
-    QDialogButtonBox,
-    QGridLayout,
-    QHBoxLayout,
-    QHeaderView,
-    QInputDialog,
-    QLabel,
-    QLineEdit,
-    QListWidget,
-    QListWidgetItem,
-    QPushButton,
-    QScrollArea,
-    QVBoxLayout,
-    QWidget,
-)
 
 from sonarhw_gui.jobs.files import RecordingList, RecordingRow, list_recordings
 from sonarhw_gui.jobs.jobs import Jobs
@@ -34,24 +17,26 @@ from sonarhw_gui.session.scanner import PortRow, ScannerChoice
 from sonarhw_gui.views.legend import mark_picture
 from sonarhw_gui.widgets import PlainLabel, cell, show_alone, stacked, text_table
 
-_Dialog = TypeVar("_Dialog", bound=QDialog)
+_Dialog = TypeVar("_Dialog", bound=QtWidgets.QDialog)
 _SIZE = 420, 360  # pixels, of the palette
 _WIDTH = 420  # pixels, of a dialog for a note
 _STEPS = (Qt.Key.Key_Up, Qt.Key.Key_Down, Qt.Key.Key_PageUp, Qt.Key.Key_PageDown)
 
 
-def open_dialog(window: QWidget, kind: type[_Dialog]) -> _Dialog | None:
+def open_dialog(window: QtWidgets.QWidget, kind: type[_Dialog]) -> _Dialog | None:
     """Return the open dialog of a kind; None without one."""
     return next((dialog for dialog in window.findChildren(kind) if dialog.isVisible()), None)
 
 
-def ask_text(window: QWidget, title: str, label: str, text: str = "", longest: int | None = None) -> QInputDialog:
+def ask_text(
+    window: QtWidgets.QWidget, title: str, label: str, text: str = "", longest: int | None = None
+) -> QtWidgets.QInputDialog:
     """Open and return a dialog for one line of text, of at most `longest` characters."""
-    dialog = QInputDialog(window)
+    dialog = QtWidgets.QInputDialog(window)
     dialog.setWindowTitle(title)
     dialog.setLabelText(label)
     dialog.setTextValue(text)
-    field = dialog.findChild(QLineEdit)
+    field = dialog.findChild(QtWidgets.QLineEdit)
     if longest is not None and field is not None:
         field.setMaxLength(longest)
         field.setAccessibleName(title.split()[-1].capitalize())
@@ -60,14 +45,14 @@ def ask_text(window: QWidget, title: str, label: str, text: str = "", longest: i
     return dialog
 
 
-class CommandPalette(QDialog):
+class CommandPalette(QtWidgets.QDialog):
     """Lists the enabled commands with all typed words: first those with the words in their names. Not modal."""
 
-    def __init__(self, actions: Sequence[QAction], parent: QWidget) -> None:
+    def __init__(self, actions: Sequence[QAction], parent: QtWidgets.QWidget) -> None:
         super().__init__(parent)
         self.setWindowTitle("sonarhw — commands")
         self._actions = {plain_name(action): action for action in actions if action.isEnabled() and action.text()}
-        self.words, self.list = QLineEdit(placeholderText="part of a command"), QListWidget()
+        self.words, self.list = QtWidgets.QLineEdit(placeholderText="part of a command"), QtWidgets.QListWidget()
         self.words.setAccessibleName("Part of a command")
         self.list.setAccessibleName("Commands")
         self.list.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # the arrow keys work while the words have the focus
@@ -97,7 +82,7 @@ class CommandPalette(QDialog):
         words = text.casefold().split()
         found = [one for one in self._actions.items() if _has(f"{one[0]} {one[1].toolTip()}", words)]
         for name, action in sorted(found, key=lambda one: not _has(one[0], words)):
-            item = QListWidgetItem(f"{name}    {action.shortcut().toString()}".rstrip())
+            item = QtWidgets.QListWidgetItem(f"{name}    {action.shortcut().toString()}".rstrip())
             item.setData(Qt.ItemDataRole.UserRole, name)
             self.list.addItem(item)
         self.list.setCurrentRow(0)
@@ -130,33 +115,35 @@ _EXAMPLES = (
 )
 
 
-class ConnectDialog(QDialog):
+class ConnectDialog(QtWidgets.QDialog):
     """Dialog to choose a scanner."""
 
-    def __init__(self, scanners: ScannerChoice, parent: QWidget) -> None:
+    def __init__(self, scanners: ScannerChoice, parent: QtWidgets.QWidget) -> None:
         super().__init__(parent)
         self._scanners = scanners
         self.setWindowTitle("Connect a scanner")
         self._rows: tuple[PortRow, ...] = ()
         self.ports = text_table("port", "device", "answer")
         for column in (0, 1):
-            self.ports.horizontalHeader().setSectionResizeMode(column, QHeaderView.ResizeMode.ResizeToContents)
+            self.ports.horizontalHeader().setSectionResizeMode(
+                column, QtWidgets.QHeaderView.ResizeMode.ResizeToContents
+            )
         self.none = PlainLabel(
             "No serial port found. Plug in the scanner and press Refresh, or enter a URL.", wordWrap=True
         )
-        self.refresh, self.probe_all = QPushButton("Refresh"), QPushButton("Check all ports")
+        self.refresh, self.probe_all = QtWidgets.QPushButton("Refresh"), QtWidgets.QPushButton("Check all ports")
         self.probe_all.setToolTip("Opening a port may reset the device on it")
-        self.listen = QPushButton("Listen for text")
+        self.listen = QtWidgets.QPushButton("Listen for text")
         self.listen.setToolTip("Find out what an Arduino radar or another device prints at the port below")
-        self.field = QLineEdit(placeholderText=_EXAMPLES)
-        self.url = QComboBox(editable=True, insertPolicy=QComboBox.InsertPolicy.NoInsert)
+        self.field = QtWidgets.QLineEdit(placeholderText=_EXAMPLES)
+        self.url = QtWidgets.QComboBox(editable=True, insertPolicy=QtWidgets.QComboBox.InsertPolicy.NoInsert)
         self.url.setToolTip(_EXAMPLES)
         self.url.setLineEdit(self.field)
         # with selected text, Return would replace a proposed URL by an earlier one
         self.url.setCompleter(None)  # type: ignore[arg-type]  # the stub does not know that None is allowed
-        self.buttons = QDialogButtonBox()
-        self.connect_button = self.buttons.addButton("Connect", QDialogButtonBox.ButtonRole.AcceptRole)
-        self.buttons.addButton(QDialogButtonBox.StandardButton.Cancel)
+        self.buttons = QtWidgets.QDialogButtonBox()
+        self.connect_button = self.buttons.addButton("Connect", QtWidgets.QDialogButtonBox.ButtonRole.AcceptRole)
+        self.buttons.addButton(QtWidgets.QDialogButtonBox.StandardButton.Cancel)
         buttons = self.refresh, self.probe_all, self.listen, None
         stacked(self, self.none, self.ports, buttons, PlainLabel("Port or URL"), self.url, self.buttons)
         self._connect()
@@ -244,24 +231,24 @@ _ABOUT = (
 )
 
 
-class HelpPage(QDialog):
+class HelpPage(QtWidgets.QDialog):
     """The help page."""
 
     def __init__(
-        self, groups: Mapping[str, Sequence[QAction]], look: Look, parent: QWidget | None, max_size: QSize
+        self, groups: Mapping[str, Sequence[QAction]], look: Look, parent: QtWidgets.QWidget | None, max_size: QSize
     ) -> None:
         """`max_size`: larger content gets a scroll bar."""
         super().__init__(parent)
         self.setWindowTitle("sonarhw — help")
-        self.area = QScrollArea(widgetResizable=True)
-        self.area.setFrameShape(QScrollArea.Shape.NoFrame)
+        self.area = QtWidgets.QScrollArea(widgetResizable=True)
+        self.area.setFrameShape(QtWidgets.QScrollArea.Shape.NoFrame)
         bar = self.area.verticalScrollBar().sizeHint().width()
         for columns in range(_COLUMNS, 0, -1):
             page = _page(_in_columns(groups, columns), look)
             if page.minimumSizeHint().width() + bar <= max_size.width():
                 break
         self.area.setWidget(page)
-        layout = QVBoxLayout(self)
+        layout = QtWidgets.QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.addWidget(self.area)
         width = page.minimumSizeHint().width()
@@ -269,36 +256,40 @@ class HelpPage(QDialog):
         self.resize((whole + QSize(bar, 0)).boundedTo(max_size))
 
 
-def _page(columns: Sequence[Sequence[tuple[str, Sequence[QAction]]]], look: Look) -> QWidget:
-    page = QWidget()
-    about = QLabel(_ABOUT)
+def _page(columns: Sequence[Sequence[tuple[str, Sequence[QAction]]]], look: Look) -> QtWidgets.QWidget:
+    page = QtWidgets.QWidget()
+    about = QtWidgets.QLabel(_ABOUT)
     about.setWordWrap(True)
-    keys = QGridLayout()
+    keys = QtWidgets.QGridLayout()
     keys.setHorizontalSpacing(28)
     for column, part in enumerate(columns):
-        label = QLabel("".join(_table(name, actions, look) for name, actions in part))
+        label = QtWidgets.QLabel("".join(_table(name, actions, look) for name, actions in part))
         label.setAlignment(Qt.AlignmentFlag.AlignTop)
         keys.addWidget(label, 0, column)
-    beside = QHBoxLayout()
+    beside = QtWidgets.QHBoxLayout()
     beside.setSpacing(28)
     beside.addLayout(keys)
     beside.addLayout(_classes(look), stretch=1)
-    layout = QVBoxLayout(page)
+    layout = QtWidgets.QVBoxLayout(page)
     layout.setContentsMargins(18, 14, 18, 14)
     layout.addWidget(about)
     layout.addLayout(beside)
     return page
 
 
-def _classes(look: Look) -> QGridLayout:
+def _classes(look: Look) -> QtWidgets.QGridLayout:
     """Return the mark of each class of readings beside its meaning."""
-    grid = QGridLayout()
+    grid = QtWidgets.QGridLayout()
     grid.setSpacing(8)
     grid.setColumnMinimumWidth(1, round(_CLASS_WIDTH * look.scale))
-    grid.addWidget(QLabel(_heading("Classes of readings", look)), 0, 0, 1, 2)
+    grid.addWidget(QtWidgets.QLabel(_heading("Classes of readings", look)), 0, 0, 1, 2)
     for row, (kind, mark) in enumerate(MARKS.items(), start=1):
-        symbol = QLabel(pixmap=mark_picture(kind, look.palette, QApplication.primaryScreen().devicePixelRatio()))
-        text = QLabel(f"<b>{mark.name}</b>: {mark.meaning}. {mark.hint}{'.' if mark.hint else ''}", wordWrap=True)
+        symbol = QtWidgets.QLabel(
+            pixmap=mark_picture(kind, look.palette, QtWidgets.QApplication.primaryScreen().devicePixelRatio())
+        )
+        text = QtWidgets.QLabel(
+            f"<b>{mark.name}</b>: {mark.meaning}. {mark.hint}{'.' if mark.hint else ''}", wordWrap=True
+        )
         for column, part in enumerate((symbol, text)):
             part.setAlignment(Qt.AlignmentFlag.AlignTop)
             grid.addWidget(part, row, column)
@@ -348,22 +339,22 @@ _PATH = Qt.ItemDataRole.UserRole
 _LISTING = "list recordings"
 
 
-class RecordingsDialog(QDialog):
+class RecordingsDialog(QtWidgets.QDialog):
     """Dialog to open a recording."""
 
     chosen = Signal(str)  # path
 
-    def __init__(self, folder: Path, jobs: Jobs, parent: QWidget) -> None:
+    def __init__(self, folder: Path, jobs: Jobs, parent: QtWidgets.QWidget) -> None:
         super().__init__(parent)
         self.setWindowTitle("Recordings")
         self._jobs = jobs
-        self.search = QLineEdit(clearButtonEnabled=True, placeholderText="date, room, place or file")
+        self.search = QtWidgets.QLineEdit(clearButtonEnabled=True, placeholderText="date, room, place or file")
         self.table = text_table(*_RECORDING_COLUMNS)
-        self.table.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
+        self.table.horizontalHeader().setSectionResizeMode(QtWidgets.QHeaderView.ResizeMode.ResizeToContents)
         self.summary = PlainLabel(wordWrap=True)
-        self.buttons = QDialogButtonBox()
-        self.open_button = self.buttons.addButton("Open", QDialogButtonBox.ButtonRole.AcceptRole)
-        self.buttons.addButton(QDialogButtonBox.StandardButton.Close)
+        self.buttons = QtWidgets.QDialogButtonBox()
+        self.open_button = self.buttons.addButton("Open", QtWidgets.QDialogButtonBox.ButtonRole.AcceptRole)
+        self.buttons.addButton(QtWidgets.QDialogButtonBox.StandardButton.Close)
         stacked(self, self.search, self.table, self.summary, self.buttons)
         self.resize(860, 420)
         self.search.textChanged.connect(self._filter)

@@ -14,22 +14,7 @@ from sonarhw_compare.sound import PlayedPing
 from sonarhw_sim.room.room import room_names
 
 from sonarhw.export import FORMATS
-from sonarhw_gui.jobs.files import (
-    DATA,
-    HTML,
-    JSON,
-    PICTURES,
-    PNG,
-    REPORT,
-    SVG,
-    WatchedFile,
-    can_open,
-    write_data,
-    write_png,
-    write_report,
-    write_sound,
-    write_svg,
-)
+from sonarhw_gui.jobs import files
 from sonarhw_gui.session.session import WindowSession
 from sonarhw_gui.session.source import Replay
 from sonarhw_gui.session.status import link_figures
@@ -127,7 +112,7 @@ class FileCommands(QMenu):
     @Slot()
     def save_room(self) -> None:
         """Save the room in its file; without one, as for a room of a log, ask for a name."""
-        path = self._session.files.path(WatchedFile.ROOM)
+        path = self._session.files.path(files.WatchedFile.ROOM)
         if path is None:
             self.save_room_as()
         else:
@@ -167,18 +152,18 @@ def _new_name(file: Path, folder: Path) -> str:
 
 def _paths(dropped: QMimeData) -> list[Path]:
     paths = [Path(url.toLocalFile()) for url in dropped.urls() if url.isLocalFile()]
-    return [path for path in paths if can_open(path)]
+    return [path for path in paths if files.can_open(path)]
 
 
 # The commands that save pictures of views, data and the report. Each opens a file dialog, which is not modal.
 
 
 _FILTERS = {
-    PNG: "Picture (*.png)",
-    SVG: "Vector graphics (*.svg)",
+    files.PNG: "Picture (*.png)",
+    files.SVG: "Vector graphics (*.svg)",
     **{known.suffix: f"{known.title} (*{known.suffix})" for known in FORMATS},
-    JSON: "Summary of the comparison (*.json)",
-    HTML: "Report (*.html)",
+    files.JSON: "Summary of the comparison (*.json)",
+    files.HTML: "Report (*.html)",
     ".gif": "Animation (*.gif)",
     ".mp4": "Video (*.mp4)",
     ".webm": "Video (*.webm)",
@@ -221,12 +206,12 @@ class SaveCommands(QObject):
         return image.copy()  # the pixels belong to the array
 
     def _save_picture(self, view: View) -> None:
-        self._ask(view.entry.name, PICTURES, partial(self._picture, view.entry.name, view.picture()))
+        self._ask(view.entry.name, files.PICTURES, partial(self._picture, view.entry.name, view.picture()))
 
     @Slot()
     def save_window(self) -> None:
         """Save a picture of the window."""
-        self._ask("Window", (PNG,), partial(self._picture, "Window", self._window))
+        self._ask("Window", (files.PNG,), partial(self._picture, "Window", self._window))
 
     @Slot()
     def save_film(self) -> None:
@@ -236,13 +221,13 @@ class SaveCommands(QObject):
         if ping is None:
             self._session.notices.warn("there is no sound to film; select a reading, or click the predicted outline")
         else:
-            self._ask("Sound", FILMS, lambda ending: partial(write_sound, ping, ending))
+            self._ask("Sound", FILMS, lambda ending: partial(files.write_sound, ping, ending))
 
     @Slot()
     def export_data(self) -> None:
         """Save the readings, or the summary."""
         if self._has_readings():
-            self._ask("Readings", DATA, self._data)
+            self._ask("Readings", files.DATA, self._data)
 
     @Slot()
     def save_report(self) -> None:
@@ -250,7 +235,7 @@ class SaveCommands(QObject):
         if self._session.shown.scene.room is None:
             self._session.notices.warn("a report needs a room to compare with; open a room file")
         elif self._has_readings():
-            self._ask("Report", REPORT, self._report)
+            self._ask("Report", files.REPORT, self._report)
 
     def _has_readings(self) -> bool:
         if self._session.source.recorded is None:
@@ -282,15 +267,15 @@ class SaveCommands(QObject):
             return None
         shown = self._session.shown
         title = "" if view is self._window else f"{shown.scene.title} · {name.lower()}"
-        if ending == SVG:
-            return partial(write_svg, svg_text(view, title, shown))
-        return partial(write_png, png_pixels(view, title, shown))
+        if ending == files.SVG:
+            return partial(files.write_svg, svg_text(view, title, shown))
+        return partial(files.write_png, png_pixels(view, title, shown))
 
     def _data(self, ending: str) -> _Writer | None:
         session, recorded = self._session, self._session.source.recorded
         if recorded is None:
             return None
-        return partial(write_data, recorded, session.shown.scene, session.showing.pinned_notes, ending)
+        return partial(files.write_data, recorded, session.shown.scene, session.showing.pinned_notes, ending)
 
     def _report(self, _: str) -> _Writer | None:
         session, recorded = self._session, self._session.source.recorded
@@ -300,7 +285,7 @@ class SaveCommands(QObject):
         live = link is not None and session.replay is None
         facts = [(name, value) for name, value, _ in link_figures(link)] if live else []
         notes = session.showing.pinned_notes
-        return partial(write_report, self._log_name(), recorded, session.shown.scene, facts, notes)
+        return partial(files.write_report, self._log_name(), recorded, session.shown.scene, facts, notes)
 
     def _log_name(self) -> str:
         source = self._session.source

@@ -4,21 +4,8 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
+from PySide6 import QtWidgets
 from PySide6.QtCore import Qt, Signal, Slot
-from PySide6.QtWidgets import (
-    QAbstractItemView,
-    QCheckBox,
-    QComboBox,
-    QDialog,
-    QDialogButtonBox,
-    QGridLayout,
-    QHBoxLayout,
-    QHeaderView,
-    QLineEdit,
-    QPushButton,
-    QVBoxLayout,
-    QWidget,
-)
 from sonarhw_compare.foreign_csv import CsvColumns, CsvHead, Meaning, likely_columns, likely_unit, read_head
 
 from sonarhw.errors import InputError
@@ -35,42 +22,42 @@ _TURNS = {"counter-clockwise": 1.0, "clockwise": -1.0}
 _NO_TIME = "(none: 0.1 s apart)"
 
 
-class ImportDialog(QDialog):
+class ImportDialog(QtWidgets.QDialog):
     """Reads the file again in a thread after each change; an error is shown where the values are typed."""
 
     accepted_as = Signal(object)  # CsvRead
 
-    def __init__(self, path: Path, unit: LengthUnit, jobs: Jobs, parent: QWidget) -> None:
+    def __init__(self, path: Path, unit: LengthUnit, jobs: Jobs, parent: QtWidgets.QWidget) -> None:
         """`unit`: of the ranges in the preview."""
         super().__init__(parent)
         self.setWindowTitle(f"Import {path.name}")
         self._path, self._unit, self._jobs = path, unit, jobs
         self._head = CsvHead((), (), False)
         self._read: CsvRead | None = None  # the file as the values say; None while it is read, or if one is wrong
-        self.heading, self.distance, self.time = QComboBox(), QComboBox(), QComboBox()
-        self.turn, self.unit = QComboBox(), QComboBox()
+        self.heading, self.distance, self.time = QtWidgets.QComboBox(), QtWidgets.QComboBox(), QtWidgets.QComboBox()
+        self.turn, self.unit = QtWidgets.QComboBox(), QtWidgets.QComboBox()
         self.turn.addItems(list(_TURNS))
         self.unit.addItems(list(_UNITS))
         self.zero = NumberField(-360.0, 360.0, 3, "°")
         self.zero.setKeyboardTracking(True)  # the preview follows every key
-        self.no_echo = QLineEdit(placeholderText="none")
-        self.silence = QPushButton()
-        self.decimal_comma = QCheckBox("Decimal commas; semicolons or tabs between columns")
+        self.no_echo = QtWidgets.QLineEdit(placeholderText="none")
+        self.silence = QtWidgets.QPushButton()
+        self.decimal_comma = QtWidgets.QCheckBox("Decimal commas; semicolons or tabs between columns")
         self.preview = text_table()
         self.preview.setAccessibleName("First lines as they are read")
-        self.preview.setSelectionMode(QAbstractItemView.SelectionMode.NoSelection)
-        self.preview.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
+        self.preview.setSelectionMode(QtWidgets.QAbstractItemView.SelectionMode.NoSelection)
+        self.preview.horizontalHeader().setSectionResizeMode(QtWidgets.QHeaderView.ResizeMode.ResizeToContents)
         self.preview.horizontalHeader().setStretchLastSection(False)
         self.note = PlainLabel(wordWrap=True)
-        self.buttons = QDialogButtonBox()
-        self.import_button = self.buttons.addButton("Import", QDialogButtonBox.ButtonRole.AcceptRole)
-        self.buttons.addButton(QDialogButtonBox.StandardButton.Cancel)
+        self.buttons = QtWidgets.QDialogButtonBox()
+        self.import_button = self.buttons.addButton("Import", QtWidgets.QDialogButtonBox.ButtonRole.AcceptRole)
+        self.buttons.addButton(QtWidgets.QDialogButtonBox.StandardButton.Cancel)
         self._lay_out()
         self._begin()
         self._connect()
 
     def _lay_out(self) -> None:
-        form = QGridLayout()
+        form = QtWidgets.QGridLayout()
         for row, fields in enumerate(
             (
                 (("Heading column", self.heading), ("Headings increase", self.turn)),
@@ -87,10 +74,10 @@ class ImportDialog(QDialog):
         form.addWidget(self.decimal_comma, 4, 0, 1, 4)
         form.setColumnStretch(1, 1)
         form.setColumnStretch(3, 1)
-        below = QHBoxLayout()
+        below = QtWidgets.QHBoxLayout()
         below.addWidget(self.note, stretch=1)
         below.addWidget(self.buttons, alignment=Qt.AlignmentFlag.AlignBottom)
-        page = QVBoxLayout(self)
+        page = QtWidgets.QVBoxLayout(self)
         page.addLayout(form)
         page.addWidget(self.preview, stretch=1)
         page.addLayout(below)

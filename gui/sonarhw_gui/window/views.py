@@ -2,22 +2,9 @@
 
 from typing import TypeVar, cast
 
+from PySide6 import QtWidgets
 from PySide6.QtCore import QByteArray, QChildEvent, QEvent, QSize, Qt, Signal, Slot
 from PySide6.QtGui import QAction, QKeySequence, QResizeEvent, QShowEvent
-from PySide6.QtWidgets import (
-    QDockWidget,
-    QHBoxLayout,
-    QMainWindow,
-    QProxyStyle,
-    QStackedWidget,
-    QStyle,
-    QStyleOption,
-    QStyleOptionDockWidget,
-    QTabBar,
-    QTabWidget,
-    QToolButton,
-    QWidget,
-)
 
 from sonarhw_gui.model.look import Look
 from sonarhw_gui.model.shown import Shown
@@ -40,10 +27,10 @@ _BUTTON = 10  # pixels, icons of the title bar
 _TEXT = 0.8  # of the default text size
 
 
-class OpenedDock(QDockWidget):
+class OpenedDock(QtWidgets.QDockWidget):
     """A dock with an action that opens it in front of other tabs, or closes it. Its name is the key of the layout."""
 
-    def __init__(self, name: str, content: QWidget, parent: QWidget, key: str = "") -> None:
+    def __init__(self, name: str, content: QtWidgets.QWidget, parent: QtWidgets.QWidget, key: str = "") -> None:
         super().__init__(name, parent)
         self.in_front = False  # whether it is visible, and not behind another tab
         self.setObjectName(name)
@@ -73,8 +60,8 @@ class OpenedDock(QDockWidget):
 class ViewDock(OpenedDock):
     """A dock with one small view."""
 
-    def __init__(self, view: View, parent: QWidget) -> None:
-        super().__init__(view.entry.name, cast(QWidget, view), parent)
+    def __init__(self, view: View, parent: QtWidgets.QWidget) -> None:
+        super().__init__(view.entry.name, cast(QtWidgets.QWidget, view), parent)
         self.view = view
         self._title = _TitleBar(self)
         self.setTitleBarWidget(self._title)
@@ -85,21 +72,21 @@ class ViewDock(OpenedDock):
         self._title.name.setFont(text_font(look, _TEXT))
 
 
-class _TitleBar(QWidget):
+class _TitleBar(QtWidgets.QWidget):
     """The name of a view, and buttons that float and close it; a drag of it moves the dock."""
 
-    def __init__(self, dock: QDockWidget) -> None:
+    def __init__(self, dock: QtWidgets.QDockWidget) -> None:
         super().__init__(dock)
         self.name = PlainLabel(dock.windowTitle())
-        row = arranged(QHBoxLayout(self), self.name, rest=self.name, margins=(8, 0, 2, 0))
+        row = arranged(QtWidgets.QHBoxLayout(self), self.name, rest=self.name, margins=(8, 0, 2, 0))
         self.setToolTip("Drag to move this view: beside or onto another view, or out of the window")
-        pixmap = QStyle.StandardPixmap
+        pixmap = QtWidgets.QStyle.StandardPixmap
         for what, tip, icon in (
             ("float", "Float this view in a window of its own, or put it back", pixmap.SP_TitleBarNormalButton),
             ("close", "Close this view; the View menu opens it again", pixmap.SP_TitleBarCloseButton),
         ):
-            button = QToolButton(autoRaise=True)
-            button.setIcon(self.style().standardIcon(icon, QStyleOptionDockWidget(), dock))
+            button = QtWidgets.QToolButton(autoRaise=True)
+            button.setIcon(self.style().standardIcon(icon, QtWidgets.QStyleOptionDockWidget(), dock))
             button.setIconSize(QSize(_BUTTON, _BUTTON))
             button.setFocusPolicy(Qt.FocusPolicy.NoFocus)
             button.setToolTip(tip)
@@ -119,19 +106,22 @@ class _TitleBar(QWidget):
 _SPACE = 9  # pixels, of a tab beside its name; that of Qt is 24
 
 
-class _NarrowTabs(QProxyStyle):
+class _NarrowTabs(QtWidgets.QProxyStyle):
     """Less space beside the names of tabs, so that those of all panels fit in the width of a panel."""
 
     def pixelMetric(
-        self, metric: QStyle.PixelMetric, option: QStyleOption | None = None, widget: QWidget | None = None
+        self,
+        metric: QtWidgets.QStyle.PixelMetric,
+        option: QtWidgets.QStyleOption | None = None,
+        widget: QtWidgets.QWidget | None = None,
     ) -> int:
         """Return a length of the style in pixels."""
-        if metric == QStyle.PixelMetric.PM_TabBarTabHSpace:
+        if metric == QtWidgets.QStyle.PixelMetric.PM_TabBarTabHSpace:
             return _SPACE
         return super().pixelMetric(metric, option, widget)
 
 
-class TabbedWindow(QMainWindow):
+class TabbedWindow(QtWidgets.QMainWindow):
     """A main window that does not shorten the names of tabs. Tabs that do not fit scroll."""
 
     def __init__(self) -> None:
@@ -143,7 +133,7 @@ class TabbedWindow(QMainWindow):
         """Set a new tab bar up; Qt makes them itself and would shorten a name to a letter."""
         super().childEvent(event)
         bar = event.child()
-        if event.polished() and isinstance(bar, QTabBar):
+        if event.polished() and isinstance(bar, QtWidgets.QTabBar):
             bar.setStyle(self._tab_style)
             bar.setElideMode(Qt.TextElideMode.ElideNone)
             bar.setUsesScrollButtons(True)
@@ -155,7 +145,7 @@ _SIDES = (_RIGHT, Qt.DockWidgetArea.LeftDockWidgetArea)
 _V = TypeVar("_V", bound=View)
 
 
-class _Stage(QStackedWidget):
+class _Stage(QtWidgets.QStackedWidget):
     """The large views. Only the visible one needs space."""
 
     def minimumSizeHint(self) -> QSize:
@@ -192,7 +182,7 @@ class ViewArea(TabbedWindow):
         self.differences = self._beside(DifferenceView(), stack=2)
         self.setCentralWidget(self.stage)
         self.setDockNestingEnabled(True)
-        self.setTabPosition(Qt.DockWidgetArea.AllDockWidgetAreas, QTabWidget.TabPosition.North)
+        self.setTabPosition(Qt.DockWidgetArea.AllDockWidgetAreas, QtWidgets.QTabWidget.TabPosition.North)
         self.stage.currentChanged.connect(self.uncovered)
         self.stage.currentChanged.connect(self._share_width)
         self.reset_layout()
@@ -353,7 +343,7 @@ class ViewArea(TabbedWindow):
 
     def _large(self, view: _V) -> _V:
         self.large.append(view)
-        self.stage.addWidget(cast(QWidget, view))
+        self.stage.addWidget(cast(QtWidgets.QWidget, view))
         return view
 
     def _beside(self, view: _V, stack: int) -> _V:

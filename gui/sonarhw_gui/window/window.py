@@ -7,28 +7,8 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any, Protocol, cast
 
+from PySide6 import QtGui, QtWidgets
 from PySide6.QtCore import QEvent, QSize, Qt, QTimer, Signal, Slot
-from PySide6.QtGui import (
-    QAction,
-    QCloseEvent,
-    QDragEnterEvent,
-    QDropEvent,
-    QKeyEvent,
-    QResizeEvent,
-    QShowEvent,
-)
-from PySide6.QtWidgets import (
-    QAbstractButton,
-    QApplication,
-    QDockWidget,
-    QFormLayout,
-    QLayout,
-    QMainWindow,
-    QScrollArea,
-    QTabBar,
-    QVBoxLayout,
-    QWidget,
-)
 
 from sonarhw_gui.model.look import Look
 from sonarhw_gui.model.shown import Shown
@@ -61,17 +41,17 @@ class Panel(Protocol):
     def show_state(self, shown: Shown) -> None:
         """Show the changes since the last call."""
 
-    def isVisibleTo(self, ancestor: QWidget) -> bool:
+    def isVisibleTo(self, ancestor: QtWidgets.QWidget) -> bool:
         """Return whether it is visible when `ancestor` is. Implemented by QWidget."""
 
 
-class _VerticalScrollArea(QScrollArea):
+class _VerticalScrollArea(QtWidgets.QScrollArea):
     """Scrolls vertically; never narrower than its content."""
 
-    def __init__(self, panel: QWidget) -> None:
+    def __init__(self, panel: QtWidgets.QWidget) -> None:
         super().__init__()
         self.setWidgetResizable(True)
-        self.setFrameShape(QScrollArea.Shape.NoFrame)
+        self.setFrameShape(QtWidgets.QScrollArea.Shape.NoFrame)
         self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         panel.setMinimumWidth(_LEAST_WIDTH)
         self.setWidget(panel)
@@ -86,8 +66,8 @@ class _VerticalScrollArea(QScrollArea):
 class _Dock(OpenedDock):
     """A dock with a panel, which is updated while it is visible."""
 
-    def __init__(self, name: str, key: str, about: str, panel: Panel, window: QMainWindow) -> None:
-        super().__init__(name, _VerticalScrollArea(cast(QWidget, panel)), window, key)
+    def __init__(self, name: str, key: str, about: str, panel: Panel, window: QtWidgets.QMainWindow) -> None:
+        super().__init__(name, _VerticalScrollArea(cast(QtWidgets.QWidget, panel)), window, key)
         self._panel, self._main_window = panel, window
         self._shown: Shown | None = None
         self.opener.setToolTip(f"{about} ({key})")
@@ -102,7 +82,7 @@ class _Dock(OpenedDock):
         """Open it in front of the others."""
         if self._shown is not None:
             self._panel.show_state(self._shown)
-            for layout in reversed(self.findChildren(QLayout)):  # inner ones first
+            for layout in reversed(self.findChildren(QtWidgets.QLayout)):  # inner ones first
                 layout.activate()  # else the first paint has the height from before
         super().bring_to_front()
 
@@ -110,11 +90,11 @@ class _Dock(OpenedDock):
 class Docks:
     """The docks of one window, as tabs. All are closed initially."""
 
-    def __init__(self, window: QMainWindow) -> None:
+    def __init__(self, window: QtWidgets.QMainWindow) -> None:
         self._window = window
         self._docks: list[_Dock] = []
 
-    def add(self, name: str, key: str, about: str, panel: Panel) -> QDockWidget:
+    def add(self, name: str, key: str, about: str, panel: Panel) -> QtWidgets.QDockWidget:
         """Return a new dock with `panel`; `key` opens and closes it, and `about` says what it is for."""
         dock = _Dock(name, key, about, panel, self._window)
         self._window.addDockWidget(Qt.DockWidgetArea.LeftDockWidgetArea, dock)
@@ -134,7 +114,7 @@ class Docks:
             dock.show_state(shown)
 
     @property
-    def actions(self) -> list[QAction]:
+    def actions(self) -> list[QtGui.QAction]:
         """The actions that open and close the docks."""
         return [dock.opener for dock in self._docks]
 
@@ -144,46 +124,46 @@ class Docks:
 # A widget that shows no text of its own takes the name from its label in a form, from its view, or from its tooltip.
 
 
-def name_tab_stops(window: QMainWindow) -> None:
+def name_tab_stops(window: QtWidgets.QMainWindow) -> None:
     """Name every tab stop of a window that has no name yet."""
-    for form in window.findChildren(QFormLayout):
+    for form in window.findChildren(QtWidgets.QFormLayout):
         for row in range(form.rowCount()):
             _name_row(form, row)
-    for stop in window.findChildren(QWidget):
+    for stop in window.findChildren(QtWidgets.QWidget):
         if stop.focusPolicy() & Qt.FocusPolicy.TabFocus and not spoken_name(stop):
             stop.setAccessibleName(_derived_name(stop))
 
 
-def spoken_name(widget: QWidget) -> str:
+def spoken_name(widget: QtWidgets.QWidget) -> str:
     """Return what a screen reader says: the accessible name, or the text of a button."""
-    text = widget.text().replace("&", "") if isinstance(widget, QAbstractButton) else ""
+    text = widget.text().replace("&", "") if isinstance(widget, QtWidgets.QAbstractButton) else ""
     return widget.accessibleName() or text
 
 
-def _name_row(form: QFormLayout, row: int) -> None:
-    item = form.itemAt(row, QFormLayout.ItemRole.FieldRole)
+def _name_row(form: QtWidgets.QFormLayout, row: int) -> None:
+    item = form.itemAt(row, QtWidgets.QFormLayout.ItemRole.FieldRole)
     field = item.widget() if item is not None else None
     label = form.labelForField(field) if field is not None else None
     text = str(label.property("text") or "") if label is not None else ""
     if field is None or not text:
         return
-    for widget in (field, *field.findChildren(QWidget)):
+    for widget in (field, *field.findChildren(QtWidgets.QWidget)):
         if widget.focusPolicy() & Qt.FocusPolicy.TabFocus and not spoken_name(widget):
             widget.setAccessibleName(text.replace("&", "").rstrip(":"))
 
 
-def _derived_name(stop: QWidget) -> str:
-    if isinstance(stop, QTabBar):
+def _derived_name(stop: QtWidgets.QWidget) -> str:
+    if isinstance(stop, QtWidgets.QTabBar):
         return "tabs"
     tip = re.sub(r"<[^>]*>", "", stop.toolTip())
     if tip:
         return re.split(r"[;(.]", tip)[0].strip()
-    parent: QWidget | None = stop
+    parent: QtWidgets.QWidget | None = stop
     while parent is not None and not isinstance(parent, View):  # slow, so only without a tooltip
         parent = parent.parentWidget()
     if parent is not None:
         return f"{parent.entry.name} plot"
-    if isinstance(stop, QScrollArea):
+    if isinstance(stop, QtWidgets.QScrollArea):
         return "panel"
     above = stop.parentWidget()
     return above.accessibleName() or above.windowTitle() or type(above).__name__ if above is not None else ""
@@ -238,10 +218,10 @@ class MainWindow(TabbedWindow):
     def _arrange(self) -> None:
         self.setAcceptDrops(True)
         self.addToolBar(self.toolbar)
-        centre = QWidget()
+        centre = QtWidgets.QWidget()
         sentence, bounces = LabelSlot(self.sentence), LabelSlot(self.bounces)
         above, below = (self.banner, self.legend, self.hint), (sentence, bounces, self.sound_bar, self.replay_bar)
-        arranged(QVBoxLayout(centre), *above, self.views, *below, rest=self.views)
+        arranged(QtWidgets.QVBoxLayout(centre), *above, self.views, *below, rest=self.views)
         self.setCentralWidget(centre)
         self.setStatusBar(self.status_bar)
         for name, key, about, panel in (
@@ -425,19 +405,19 @@ class MainWindow(TabbedWindow):
         self.files.menuAction().setEnabled(not status.scanning)
         self.toolbar.place.setEnabled(not status.scanning and self.toolbar.place.count() > 0)
 
-    def showEvent(self, event: QShowEvent) -> None:
+    def showEvent(self, event: QtGui.QShowEvent) -> None:
         """Update what is visible. Begin to predict soon even if the window is never painted, as on another desktop."""
         super().showEvent(event)
         self._open = True
         self._show_again()
         QTimer.singleShot(_NO_PAINT, self.session.begin)
 
-    def resizeEvent(self, event: QResizeEvent) -> None:
+    def resizeEvent(self, event: QtGui.QResizeEvent) -> None:
         """Leave the place of a long legend to the plan where the window is low."""
         super().resizeEvent(event)
         self.legend.set_low(self.height() < _LOW)
 
-    def closeEvent(self, event: QCloseEvent) -> None:
+    def closeEvent(self, event: QtGui.QCloseEvent) -> None:
         """Close the session too: stop the board and close the log."""
         self.closing.emit()
         close_dialogs(self)  # which ends their threads
@@ -453,7 +433,7 @@ class MainWindow(TabbedWindow):
         """
         if event.type() == QEvent.Type.StatusTip and self.status_bar.activity.text():
             return True
-        if event.type() == QEvent.Type.ShortcutOverride and self._uses_key(cast(QKeyEvent, event).key()):
+        if event.type() == QEvent.Type.ShortcutOverride and self._uses_key(cast(QtGui.QKeyEvent, event).key()):
             event.accept()
             return True
         done = super().event(event)
@@ -466,15 +446,15 @@ class MainWindow(TabbedWindow):
         if key == Qt.Key.Key_Escape and (page := open_dialog(self, HelpPage)) is not None:
             page.close()
             return True
-        return key == Qt.Key.Key_Space and isinstance(QApplication.focusWidget(), QAbstractButton)
+        return key == Qt.Key.Key_Space and isinstance(QtWidgets.QApplication.focusWidget(), QtWidgets.QAbstractButton)
 
-    def dragEnterEvent(self, event: QDragEnterEvent) -> None:
+    def dragEnterEvent(self, event: QtGui.QDragEnterEvent) -> None:
         """Accept files that can be opened."""
         if self.files.can_drop(event.mimeData()):
             event.setDropAction(Qt.DropAction.CopyAction)  # a file manager would delete a file that was moved
             event.accept()
 
-    def dropEvent(self, event: QDropEvent) -> None:
+    def dropEvent(self, event: QtGui.QDropEvent) -> None:
         """Open the dropped file."""
         self.files.drop(event.mimeData())
         event.setDropAction(Qt.DropAction.CopyAction)
