@@ -15,7 +15,7 @@ from unittest.mock import patch
 import numpy as np
 from mcap.opcode import Opcode
 
-from sonarhw.log import LogWriter, writer
+from sonarhw.log import LogWriter, reader, writer
 from sonarhw.log.writer import write_scan
 from sonarhw.wire.frames import Frame, encode_frame
 from sonarhw.wire.limits import MAX_PAYLOAD
@@ -192,12 +192,12 @@ def _any_field(chance: Random, metadata: Any) -> Any:
 
 
 def _other_index(chance: Random, path: Path, room: str, board: str) -> bytes:
-    pack = writer.pack_index
+    pack = reader.pack_index
 
     def packed(*arguments: Any) -> bytes:
         return _other_npz(chance, pack(*arguments))
 
-    with patch.object(writer, "pack_index", packed):
+    with patch.object(reader, "pack_index", packed):
         return log_bytes(path, room, board, traces=chance.random() < 0.5)
 
 

@@ -8,7 +8,7 @@ from typing import cast
 import numpy as np
 import pytest
 from sonarhw_compare.fit.result import PlacedScan
-from sonarhw_compare.rooms import search
+from sonarhw_compare.rooms import candidates, search
 from sonarhw_compare.rooms.draft import DraftEnd, DraftPost, DraftWall, RoomDraft, draft_of_room
 from sonarhw_compare.rooms.evidence import Course, Evidence, Scored
 from sonarhw_compare.rooms.search import find_room, grown
@@ -50,8 +50,8 @@ def grow(monkeypatch: pytest.MonkeyPatch, lengths: list[float], post: float) -> 
 
     for name, function in (("with_wall", with_wall), ("with_post", with_post), ("refined", refined)):
         monkeypatch.setattr(search, name, function)
-    for name in ("with_better_ends", "pruned"):
-        monkeypatch.setattr(search, name, lambda _evidence, one: one)
+    for module, name in ((candidates, "with_better_ends"), (search, "pruned")):
+        monkeypatch.setattr(module, name, lambda _evidence, draft: draft)
     for name in ("unexplained_readings", "_arcs"):
         monkeypatch.setattr(search, name, lambda *_: [])
     evidence = SimpleNamespace(

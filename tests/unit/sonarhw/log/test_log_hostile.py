@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import sonarhw.log.writer
+import sonarhw.log.reader
 from sonarhw.errors import NotALog
 from sonarhw.log import copy_log, read_log
 from sonarhw.log.reader import unpack_index
@@ -27,7 +27,7 @@ def log_with_index(
     path: Path, patch: pytest.MonkeyPatch, change: Callable[[Arrays, Arrays], None], compressed: bool = False
 ) -> None:
     """Write a log whose index is changed before it gets its checksum. `change` gets its columns and its head."""
-    pack = sonarhw.log.writer.pack_index
+    pack = sonarhw.log.reader.pack_index
 
     def changed(*arguments: Any) -> bytes:
         columns = dict(np.load(BytesIO(pack(*arguments))))
@@ -38,7 +38,7 @@ def log_with_index(
         save(packed, head=np.frombuffer(json.dumps(head).encode(), np.uint8), **columns)
         return packed.getvalue()
 
-    patch.setattr(sonarhw.log.writer, "pack_index", changed)
+    patch.setattr(sonarhw.log.reader, "pack_index", changed)
     write_example(path, COUNT, trace=True)
 
 
@@ -123,7 +123,7 @@ def test_the_declared_shape_of_an_index_is_not_believed(tmp_path: Path, monkeypa
     header = BytesIO()
     declared = {"descr": "<f8", "fortran_order": False, "shape": (10**15,)}
     np.lib.format.write_array_header_1_0(header, declared)
-    pack = sonarhw.log.writer.pack_index
+    pack = sonarhw.log.reader.pack_index
 
     def declaring(*arguments: Any) -> bytes:
         packed = BytesIO()
@@ -132,7 +132,7 @@ def test_the_declared_shape_of_an_index_is_not_believed(tmp_path: Path, monkeypa
                 after.writestr(name, header.getvalue() if name == "0/angle.npy" else before.read(name))
         return packed.getvalue()
 
-    monkeypatch.setattr(sonarhw.log.writer, "pack_index", declaring)
+    monkeypatch.setattr(sonarhw.log.reader, "pack_index", declaring)
     write_example(tmp_path / "scan.mcap", COUNT)
     assert len(read_log(tmp_path / "scan.mcap").readings) == COUNT
 
