@@ -254,9 +254,9 @@ class Driver:
             self._last_message = now
         match message:
             case messages.ReadingMessage():
-                if not self._expects(message) or not self._arrivals.arrived(message.number):
-                    return
-                if self._breaks_rules(message):
+                # a reading of an earlier scan may arrive after the next scan was requested; it is ignored
+                expected = self._action is not None and message.fired_us >= self._action_since
+                if not expected or not self._arrivals.arrived(message.number) or self._breaks_rules(message):
                     return
             case messages.TraceChunk():
                 if self._action is None:
@@ -346,10 +346,6 @@ class Driver:
     def _expected(self, order: messages.StartScan) -> ReadingArrivals:
         total = order.headings * order.sweeps * order.pings
         return ReadingArrivals(order.first + order.count if order.count else total, order.first, self.kept)
-
-    def _expects(self, message: messages.ReadingMessage) -> bool:
-        # a reading of an earlier scan may arrive after the next scan was requested; it is ignored
-        return self._action is not None and message.fired_us >= self._action_since
 
     def _finish(self, message: messages.Finished) -> None:
         action = self._action

@@ -317,11 +317,6 @@ def recorded_frame(message: mcap_records.McapMessage, topics: dict[int, str]) ->
     return RecordedFrame(message.time * 1e-9, topic == FRAMES_RECEIVED, message.data)
 
 
-def known_topics() -> dict[int, str]:
-    """Return the topics by channel number, as `LogWriter` registers them."""
-    return dict(enumerate(TOPICS, start=1))
-
-
 def _frames(
     file: mcap_records.OpenFile, topics: dict[int, str], span: Span | None = None
 ) -> Iterator[tuple[int, RecordedFrame]]:
@@ -782,7 +777,8 @@ def read_log(path: Path | str) -> Log:
             )
         head = _Head(path)
         attachments = mcap_records.checked_attachments(file)
-        index, topics = _stored_index(file, head, attachments) if attachments else None, known_topics()
+        index = _stored_index(file, head, attachments) if attachments else None
+        topics = dict(enumerate(TOPICS, start=1))  # by channel number, as `LogWriter` registers them
         damage: list[mcap_records.Damage] = []
         if index is None:
             index, damage = _decoded(file, head, topics)

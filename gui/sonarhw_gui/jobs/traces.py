@@ -273,7 +273,8 @@ def _predicted_headings(outline: PredictedScan, wanted: Mapping[int, Reading], z
 
 
 def _measured_rows(rows: BScanRows, wanted: Mapping[int, Reading], until: float) -> BScanRows:
-    computed = {key: rows.measured[key] for key, reading in wanted.items() if _is_of(rows.measured.get(key), reading)}
+    before = ((key, rows.measured.get(key)) for key in wanted)
+    computed = {key: row for key, row in before if row is not None and row.reading is wanted[key]}
     unreadable = rows.unreadable
     for key in [key for key in wanted if key not in computed]:
         try:
@@ -284,10 +285,6 @@ def _measured_rows(rows: BScanRows, wanted: Mapping[int, Reading], until: float)
         if time.monotonic() > until:
             break
     return replace(rows, measured=computed, unreadable=unreadable)
-
-
-def _is_of(row: MeasuredRow | None, reading: Reading) -> bool:
-    return row is not None and row.reading is reading
 
 
 def _measured_row(reading: Reading, rows: BScanRows) -> FloatArray:

@@ -134,18 +134,13 @@ def class_name(kind: Class) -> str:
     return MARKS[kind].name if kind in MARKS else "silent"
 
 
-def _heading_text(rows: ReadingRows, row: int) -> str:
-    """Return the heading, rounded so that 360.0° becomes 0.0°."""
-    return f"{round(float(rows.headings[row]), 1) % 360:.1f}°"
-
-
 def cell_text(rows: ReadingRows, row: int, column: Column, look: Look) -> str:
     """Return the text of a cell but those of notes and sentences, in the units of the look; a dash without a value."""
     match column:
         case Column.NUMBER:
             return str(row)
         case Column.HEADING:
-            return _heading_text(rows, row)
+            return f"{round(float(rows.headings[row]), 1) % 360:.1f}°"  # so that 360.0° becomes 0.0°
         case Column.MEASURED:
             return _length(rows.measured[row], look)
         case Column.PREDICTED:

@@ -512,7 +512,7 @@ class ScanList(QObject):
     @Slot(str)
     def open(self, path: str) -> None:
         """Add the scan in a log."""
-        self._jobs.run("add scans", _read_scan, Path(path), self._shown().scene, then=self._add_one)
+        self._jobs.run("add scans", _read_scan, Path(path), self._shown().scene, then=lambda scan: self._add([scan]))
 
     @Slot()
     def keep(self) -> None:
@@ -563,9 +563,6 @@ class ScanList(QObject):
     @property
     def _name(self) -> str:
         return Path(self._log_file()).stem or f"scan {len(self.scans) + 1}"
-
-    def _add_one(self, scan: OverlaidScan) -> None:
-        self._add([scan])
 
     def _add(self, scans: Sequence[OverlaidScan]) -> None:
         for scan in scans:

@@ -203,7 +203,7 @@ class PlanDrawing(base.Canvas):
     def draw_room(self) -> None:
         """Draw the room, with handles if the active tool edits it."""
         if self.shown is not None:
-            self.room.draw(self.shown.scene.room, self.controller.chosen, self.controller.tool.edits)
+            self.room.draw(self.shown.scene.room, self.controller.chosen, self.controller.tool.can_edit)
 
     def pick(self, event: MouseClickEvent) -> bool:
         """Select the reading nearest to a click, if one is close. Without measured points, select by heading."""

@@ -12,22 +12,7 @@ from sonarhw_compare.headings import heading_text
 from sonarhw_sim.room.room import Room
 
 from sonarhw.errors import InputError
-from sonarhw_gui.model.edits import (
-    Edit,
-    Grip,
-    GripPart,
-    bearing,
-    dragged,
-    on_grid,
-    room_and_place,
-    room_grip,
-    sensor_grip,
-    sensor_turned,
-    surface_at,
-    with_corner,
-    with_room,
-    without_surface,
-)
+from sonarhw_gui.model import edits
 from sonarhw_gui.model.look import LengthUnit
 from sonarhw_gui.model.scene import Scene, decibels_text
 from sonarhw_gui.model.shown import Cursor, Shown
@@ -37,24 +22,24 @@ from sonarhw_gui.views.plan_layers import RulerLayer, SensorLayer
 # One-line descriptions of the object under the mouse in the plan: sensor, corner, wall, post or plain point.
 
 
-def text_under_pointer(shown: Shown, grip: Grip | None, at: Point, pixel: float) -> str:
+def text_under_pointer(shown: Shown, grip: edits.Grip | None, at: Point, pixel: float) -> str:
     """Return one line about a point: the part that `grip` would drag, a wall or post, or the position of the point."""
     scene, unit = shown.scene, shown.look.unit
     place = point_text(at, unit)
-    if grip is not None and grip.part is GripPart.SENSOR:
+    if grip is not None and grip.part is edits.GripPart.SENSOR:
         return f"sensor, {pose_text(scene, unit)}; drag to move it"
-    if grip is not None and grip.part is GripPart.BEAM:
+    if grip is not None and grip.part is edits.GripPart.BEAM:
         if shown.asked is not None:
             return f"beam of the question at {heading_text(shown.asked)}; drag to ask another heading"
         return f"beam, {pose_text(scene, unit)}; drag to turn it"
-    if grip is not None and grip.part is GripPart.CORNER:
+    if grip is not None and grip.part is edits.GripPart.CORNER:
         return f"corner, {place}; drag to move it"
     room = scene.room
-    surface = surface_at(room, at, pixel) if room else None
+    surface = edits.surface_at(room, at, pixel) if room else None
     if room is not None and surface is not None:
         return surface_text(room, surface)
     middle = scene.pose.position
-    away = f"{unit.text(math.dist(middle, at))} at {heading_text(bearing(middle, at))} from the sensor"
+    away = f"{unit.text(math.dist(middle, at))} at {heading_text(edits.bearing(middle, at))} from the sensor"
     return f"{place} · {away}"
 
 
@@ -93,7 +78,7 @@ class Tool:
 
     name, key, tip = "", "", ""
     shape = Qt.CursorShape.ArrowCursor
-    edits = False  # whether it drags or adds walls and posts
+    can_edit = False  # whether it drags or adds walls and posts
     asks = False  # whether a click explains a heading
 
     def __init__(self, context: "PlanController") -> None:
@@ -123,7 +108,7 @@ class Tool:
         """Use a click; return whether the tool uses clicks."""
         return False
 
-    def grip(self, at: Point) -> Grip | None:
+    def grip(self, at: Point) -> edits.Grip | None:
         """Return the part that a drag from there would move."""
         return None
 
@@ -136,17 +121,17 @@ class Hand(Tool):
 
     def __init__(self, context: "PlanController") -> None:
         super().__init__(context)
-        self._held: tuple[Grip, Scene] | None = None  # and the scene when the drag began
+        self._held: tuple[edits.Grip, Scene] | None = None  # and the scene when the drag began
 
     @property
     def gesture(self) -> object:
         """The part being dragged, with the scene when the drag began."""
         return self._held
 
-    def grip(self, at: Point) -> Grip | None:
+    def grip(self, at: Point) -> edits.Grip | None:
         """Return the sensor or the beam, if it is there."""
         context = self._context
-        return sensor_grip(context.scene, context.handle_at, at, context.pixel)
+        return edits.sensor_grip(context.scene, context.handle_at, at, context.pixel)
 
     def press(self, at: Point) -> bool:
         """Begin to drag the part that is there."""
@@ -158,17 +143,17 @@ class Hand(Tool):
         """Move the part with the mouse."""
         if self._held is not None:
             grip, before = self._held
-            if grip.part is GripPart.BEAM and self._context.shown.asked is not None:
+            if grip.part is edits.GripPart.BEAM and self._context.shown.asked is not None:
                 self._context.ask(to)  # the beam of a question turns without the turntable
                 return
-            if grip.part is GripPart.CORNER:
+            if grip.part is edits.GripPart.CORNER:
                 to = snapped(self._context, to, ignored=grip.at, scene=before)
-            if self._context.change(lambda scene: dragged(scene, grip, to), before, self._held):
+            if self._context.change(lambda scene: edits.dragged(scene, grip, to), before, self._held):
                 self._context.show_message(self._where(grip, to))
 
-    def _where(self, grip: Grip, to: Point) -> str:
+    def _where(self, grip: edits.Grip, to: Point) -> str:
         unit = self._context.shown.look.unit
-        if grip.part in (GripPart.SENSOR, GripPart.BEAM):
+        if grip.part in (edits.GripPart.SENSOR, edits.GripPart.BEAM):
             return pose_text(self._context.scene, unit)
         return point_text(to, unit)
 
@@ -196,13 +181,13 @@ class Pencil(Hand):
 
     name, key = "Edit", "E"
     tip = "Drag corners, walls, posts or rims. Click to select, Del to remove, double-click a wall to add a corner"
-    edits = True
+    can_edit = True
 
-    def grip(self, at: Point) -> Grip | None:
+    def grip(self, at: Point) -> edits.Grip | None:
         """Return the sensor or beam, or else the part of the room that is there."""
         scene = self._context.scene
         over = super().grip(at)
-        return over or (room_grip(scene.room, at, self._context.pixel) if scene.room else None)
+        return over or (edits.room_grip(scene.room, at, self._context.pixel) if scene.room else None)
 
     def press(self, at: Point) -> bool:
         """Begin to drag the part that is there, and select its wall or post."""
@@ -237,7 +222,7 @@ class _Drawing(Tool):
     """Adds a wall or post. The prediction is updated during the drag."""
 
     shape = Qt.CursorShape.CrossCursor
-    edits = True
+    can_edit = True
     stem = ""  # first word of the new object's name
     chains = False  # whether the second point is also the first one of the next object
 
@@ -303,7 +288,7 @@ class _Drawing(Tool):
             if self._before.room is not None:
                 self._context.choose_surface(free_name(self._before.room, self.stem))
 
-    def _drawn(self, scene: Scene, end: Point) -> Edit:
+    def _drawn(self, scene: Scene, end: Point) -> edits.Edit:
         raise NotImplementedError
 
     def _size(self, end: Point) -> str:
@@ -317,9 +302,9 @@ class WallPencil(_Drawing):
     tip = "Click each corner of new walls; Esc ends. Or drag from one end of a wall to the other. Ends snap to corners"
     chains = True
 
-    def _drawn(self, scene: Scene, end: Point) -> Edit:
-        room, _ = room_and_place(scene)
-        return with_room(scene, add_wall(room, self._start, end, room.materials[0])), "adding a wall"
+    def _drawn(self, scene: Scene, end: Point) -> edits.Edit:
+        room, _ = edits.room_and_place(scene)
+        return edits.with_room(scene, add_wall(room, self._start, end, room.materials[0])), "adding a wall"
 
 
 class PostPencil(_Drawing):
@@ -328,10 +313,10 @@ class PostPencil(_Drawing):
     name, key, stem = "Post", "P", POST
     tip = "Drag from the centre of a new post to its rim, or click both"
 
-    def _drawn(self, scene: Scene, end: Point) -> Edit:
-        room, _ = room_and_place(scene)
+    def _drawn(self, scene: Scene, end: Point) -> edits.Edit:
+        room, _ = edits.room_and_place(scene)
         radius = round(math.dist(self._start, end), 3)
-        return with_room(scene, add_post(room, self._start, radius, room.materials[0])), "adding a post"
+        return edits.with_room(scene, add_post(room, self._start, radius, room.materials[0])), "adding a post"
 
     def _size(self, end: Point) -> str:
         return f"radius {self._context.shown.look.unit.text(math.dist(self._start, end))}"
@@ -345,12 +330,12 @@ def snapped(context: "PlanController", at: Point, ignored: Point | None = None, 
     scene = scene or context.scene
     known = [*corners(scene.room), scene.pose.position] if scene.room else [scene.pose.position]
     near = [point for point in known if point != ignored and math.dist(point, at) <= _SNAP * context.pixel]
-    return min(near, key=lambda point: math.dist(point, at)) if near else on_grid(at)
+    return min(near, key=lambda point: math.dist(point, at)) if near else edits.on_grid(at)
 
 
 def ruler_text(start: Point, end: Point, unit: LengthUnit) -> str:
     """Return the text of distance and direction."""
-    return f"{unit.text(math.dist(start, end))} at {heading_text(bearing(start, end))}"
+    return f"{unit.text(math.dist(start, end))} at {heading_text(edits.bearing(start, end))}"
 
 
 # The controller of a plan: passes mouse and key events to the active tool, and its edits to the window.
@@ -360,7 +345,10 @@ def ruler_text(start: Point, end: Point, unit: LengthUnit) -> str:
 
 NUDGE, TURN = 0.01, math.radians(1.0)  # m, rad: of one key press
 _PAUSE = 1.0  # s: key presses with shorter pauses are one undo step
-_GRIPPED = {GripPart.SENSOR: Qt.CursorShape.OpenHandCursor, GripPart.BEAM: Qt.CursorShape.PointingHandCursor}
+_GRIPPED = {
+    edits.GripPart.SENSOR: Qt.CursorShape.OpenHandCursor,
+    edits.GripPart.BEAM: Qt.CursorShape.PointingHandCursor,
+}
 
 
 class DrawingContext(Protocol):
@@ -438,7 +426,7 @@ class PlanController:
         """The length of a pixel, m."""
         return self._drawing.pixel
 
-    def change(self, edit: Callable[[Scene], Edit], scene: Scene, gesture: object) -> bool:
+    def change(self, edit: Callable[[Scene], edits.Edit], scene: Scene, gesture: object) -> bool:
         """Apply an edit to the scene from before the gesture. A rejected edit shows its error and returns False."""
         try:
             changed, label = edit(scene)
@@ -468,7 +456,7 @@ class PlanController:
 
     def ask(self, at: Point) -> None:
         """Explain the heading from the sensor to a point."""
-        self._gestures.asked.emit(bearing(self.scene.pose.position, at))
+        self._gestures.asked.emit(edits.bearing(self.scene.pose.position, at))
 
     def show_message(self, text: str) -> None:
         """Show one line of text beside the tools."""
@@ -496,24 +484,24 @@ class PlanController:
         surface = self.chosen_surface
         if surface is None:
             self.show_message("⚠ Edit (E) selects what to remove")
-        elif self.change(lambda scene: without_surface(scene, surface), self.scene, None):
+        elif self.change(lambda scene: edits.without_surface(scene, surface), self.scene, None):
             self.choose_surface(None)
 
     def nudge(self, right: int, up: int) -> None:
         """Move the sensor by steps of `NUDGE`; with a tool that edits, move the selected wall or post."""
         surface, room = self.chosen_surface, self.scene.room
         by = right * NUDGE, up * NUDGE
-        if self.tool.edits and surface is not None and room is not None:
-            part = GripPart.WALL if surface < len(room.walls) else GripPart.POST
-            self._by_key(lambda scene: dragged(scene, Grip(part, (0.0, 0.0), surface), by))
+        if self.tool.can_edit and surface is not None and room is not None:
+            part = edits.GripPart.WALL if surface < len(room.walls) else edits.GripPart.POST
+            self._by_key(lambda scene: edits.dragged(scene, edits.Grip(part, (0.0, 0.0), surface), by))
         else:
-            self._by_key(lambda scene: dragged(scene, Grip(GripPart.SENSOR, (0.0, 0.0)), by))
+            self._by_key(lambda scene: edits.dragged(scene, edits.Grip(edits.GripPart.SENSOR, (0.0, 0.0)), by))
 
     def turn(self, left: int) -> None:
         """Turn the sensor counter-clockwise by steps of `TURN`."""
-        self._by_key(lambda scene: sensor_turned(scene, left * TURN))
+        self._by_key(lambda scene: edits.sensor_turned(scene, left * TURN))
 
-    def _by_key(self, edit: Callable[[Scene], Edit]) -> None:
+    def _by_key(self, edit: Callable[[Scene], edits.Edit]) -> None:
         now = self.clock()
         if now - self._last_key > _PAUSE:
             self._key_gesture = object()
@@ -558,15 +546,15 @@ class PlanController:
         if self._drawing.shown is None:
             return
         room, at = self.scene.room, self._drawing.point_at(event.scenePos())
-        if room is None or not self.tool.edits:
+        if room is None or not self.tool.can_edit:
             if self.tool.asks or (not self._drawing.pick(event) and self._drawing.on_outline(at)):
                 self.ask(at)
             return
         if self.tool.click(at):
             return
-        surface = surface_at(room, at, self.pixel)
+        surface = edits.surface_at(room, at, self.pixel)
         if event.double() and surface is not None and surface < len(room.walls):
-            self.change(lambda scene: with_corner(scene, surface, at), self.scene, None)
+            self.change(lambda scene: edits.with_corner(scene, surface, at), self.scene, None)
         else:
             self.choose_surface(None if surface is None else room.names[surface])
 
@@ -589,7 +577,7 @@ class PlanController:
         self._drawing.draw_cursor(shape)
         self.show_message(text_under_pointer(self.shown, grip, at, self.pixel))
         middle = self.shown.scene.pose.position
-        self._gestures.pointed.emit(Cursor(bearing(middle, at) % math.tau, math.dist(middle, at)))
+        self._gestures.pointed.emit(Cursor(edits.bearing(middle, at) % math.tau, math.dist(middle, at)))
 
     def _leave(self) -> None:
         if self.tool.waiting:

@@ -249,7 +249,8 @@ class SaveCommands(QObject):
         dialog.setAcceptMode(QFileDialog.AcceptMode.AcceptSave)
         dialog.setNameFilters([_FILTERS[ending] for ending in endings])
         dialog.setDefaultSuffix(endings[0])
-        dialog.selectFile(f"{self._stem()}_{name.replace(' ', '-')}{endings[0]}")
+        stem = Path(self._log_name()).stem or self._session.shown.scene.pose.name or "sonarhw"
+        dialog.selectFile(f"{stem}_{name.replace(' ', '-')}{endings[0]}")
         dialog.filterSelected.connect(partial(_choose_ending, dialog))
         dialog.fileSelected.connect(partial(self._write, endings, writer))
         show_alone(dialog)
@@ -290,9 +291,6 @@ class SaveCommands(QObject):
     def _log_name(self) -> str:
         source = self._session.source
         return source.name if isinstance(source, Replay) else source.path.name if source.path is not None else ""
-
-    def _stem(self) -> str:
-        return Path(self._log_name()).stem or self._session.shown.scene.pose.name or "sonarhw"
 
 
 def _choose_ending(dialog: QFileDialog, chosen: str) -> None:
