@@ -536,7 +536,7 @@ def _places(given: PlaceInput | Sequence[PlaceInput] | None) -> list[PlaceInput]
     """Return places as a list; two or three numbers are one place."""
     if given is None:
         return []
-    if isinstance(given, Place | str) or all(isinstance(part, numbers.Real) for part in given):
+    if isinstance(given, Place | str) or (len(given) and all(isinstance(part, numbers.Real) for part in given)):
         return [given]  # type: ignore[list-item]  # no list of places is left
     return [*given]
 
