@@ -39,6 +39,8 @@ EXTRAS = {
     "benchmarks": ("base",),
 }
 STATED = {"pyroomacoustics": "MIT"}  # its metadata holds the text of the licence, without the name
+# of the libraries that wheels contain beside the package itself, which its metadata does not name
+IN_WHEELS = {"av": "wheels contain FFmpeg (LGPL-3.0-or-later), x264 and x265 (GPL-2.0-or-later)"}
 # one entry of a lock: a package with its version, then its hashes
 ENTRY = re.compile(r"^([a-z0-9.-]+)==([^ ;]+).*\n(?: .*\n)+", flags=re.MULTILINE)
 
@@ -141,7 +143,8 @@ def rows(packages: Iterable[Package], licence_of: dict[str, str]) -> Iterator[st
             locked_by[match[1], match[2]].append(name)
     for package in packages:
         name, version = package["name"], package["version"]
-        cells = (name, version, release_date(package), licence_of[name], ", ".join(locked_by[name, version]))
+        stated = "; ".join(filter(None, (licence_of[name], IN_WHEELS.get(name))))
+        cells = (name, version, release_date(package), stated, ", ".join(locked_by[name, version]))
         yield f"| {' | '.join(map(str, cells))} |\n"
 
 
