@@ -10,7 +10,7 @@ from enum import Enum, auto
 from typing import Any
 
 import numpy as np
-from sonarhw_compare import edits
+from sonarhw_compare import edits as room_edits
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.room.room import Place, Room, wall_distances
 from sonarhw_sim.room.room_file import MAX_COORDINATE
@@ -44,11 +44,11 @@ class Grip:
     """One part that can be dragged."""
 
     part: GripPart
-    at: edits.Point  # m; of a corner: the corner itself, else the point where the drag began
+    at: room_edits.Point  # m; of a corner: the corner itself, else the point where the drag began
     surface: int | None = None  # number of the wall or post
 
 
-def sensor_grip(scene: Scene, handle: edits.Point | None, at: edits.Point, pixel: float) -> Grip | None:
+def sensor_grip(scene: Scene, handle: room_edits.Point | None, at: room_edits.Point, pixel: float) -> Grip | None:
     """Return the sensor or its beam handle if one is within reach of a point; `pixel` is the size of a pixel, m."""
     if scene.place is None:
         return None
@@ -59,10 +59,10 @@ def sensor_grip(scene: Scene, handle: edits.Point | None, at: edits.Point, pixel
     return None
 
 
-def room_grip(room: Room, at: edits.Point, pixel: float) -> Grip | None:
+def room_grip(room: Room, at: room_edits.Point, pixel: float) -> Grip | None:
     """Return the corner, rim, wall or post within reach of a point."""
     reach = REACH * pixel
-    ends = edits.corners(room)
+    ends = room_edits.corners(room)
     away = np.hypot(*(np.array(ends) - at).T)
     nearest = int(np.argmin(away))
     if away[nearest] <= reach:
@@ -77,7 +77,7 @@ def room_grip(room: Room, at: edits.Point, pixel: float) -> Grip | None:
     return Grip(GripPart.RIM if on_rim else GripPart.POST, at, surface)
 
 
-def surface_at(room: Room, at: edits.Point, pixel: float) -> int | None:
+def surface_at(room: Room, at: room_edits.Point, pixel: float) -> int | None:
     """Return the number of the nearest wall or post within reach of a point; inside a post, of this post."""
     walls = wall_distances(np.array([at]), room.walls)[0]
     posts = np.maximum(np.hypot(*(room.posts[:, :2] - at).T) - room.posts[:, 2], 0.0)
@@ -94,7 +94,7 @@ _NEW = 0.9  # reflectance of a new material, as an amplitude ratio
 Edit = tuple[Scene, str]  # the new scene, and the label of the edit
 
 
-def dragged(scene: Scene, grip: Grip, to: edits.Point) -> Edit:
+def dragged(scene: Scene, grip: Grip, to: room_edits.Point) -> Edit:
     """Return the scene with the gripped part dragged to a point. Raises InputError if it cannot be there."""
     room, place = room_and_place(scene)
     by = to[0] - grip.at[0], to[1] - grip.at[1]
@@ -103,19 +103,19 @@ def dragged(scene: Scene, grip: Grip, to: edits.Point) -> Edit:
     if grip.part is GripPart.BEAM:
         return sensor_turned(scene, bearing(place.position, to) - bearing(place.position, grip.at))
     if grip.surface is None:
-        return with_room(scene, edits.move_corner(room, grip.at, on_grid(to))), "moving a corner"
+        return with_room(scene, room_edits.move_corner(room, grip.at, on_grid(to))), "moving a corner"
     name = room.names[grip.surface]
     if grip.part is GripPart.WALL:
-        return with_room(scene, edits.move_wall(room, grip.surface, on_grid(by))), f"moving {name}"
+        return with_room(scene, room_edits.move_wall(room, grip.surface, on_grid(by))), f"moving {name}"
     x, y, radius = map(float, room.posts[grip.surface - len(room.walls)])
     if grip.part is GripPart.POST:
-        return with_room(scene, edits.move_post(room, grip.surface, on_grid(_sum((x, y), by)))), f"moving {name}"
+        return with_room(scene, room_edits.move_post(room, grip.surface, on_grid(_sum((x, y), by)))), f"moving {name}"
     radius += math.dist((x, y), to) - math.dist((x, y), grip.at)
     radius = max(_SMALLEST_RADIUS, on_grid((radius, 0.0))[0])
-    return with_room(scene, edits.resize_post(room, grip.surface, radius)), f"resizing {name}"
+    return with_room(scene, room_edits.resize_post(room, grip.surface, radius)), f"resizing {name}"
 
 
-def sensor_at(scene: Scene, position: edits.Point) -> Edit:
+def sensor_at(scene: Scene, position: room_edits.Point) -> Edit:
     """Return the scene with the sensor at a position and its heading unchanged. Raises InputError inside a post."""
     _, place = room_and_place(scene)
     position = on_grid(position)
@@ -150,19 +150,21 @@ def with_named_place(scene: Scene, name: str) -> Edit:
 def without_surface(scene: Scene, surface: int) -> Edit:
     """Return the scene without a wall or a post."""
     room, _ = room_and_place(scene)
-    return with_room(scene, edits.remove_surface(room, surface)), f"removing {room.names[surface]}"
+    return with_room(scene, room_edits.remove_surface(room, surface)), f"removing {room.names[surface]}"
 
 
-def with_corner(scene: Scene, wall: int, at: edits.Point) -> Edit:
+def with_corner(scene: Scene, wall: int, at: room_edits.Point) -> Edit:
     """Return the scene with an additional corner in a wall."""
     room, _ = room_and_place(scene)
-    return with_room(scene, edits.split_wall(room, wall, on_grid(at))), f"adding a corner in {room.names[wall]}"
+    return with_room(scene, room_edits.split_wall(room, wall, on_grid(at))), f"adding a corner in {room.names[wall]}"
 
 
 def with_surface_material(scene: Scene, surface: int, material: str) -> Edit:
     """Return the scene with another material of a surface."""
     room, _ = room_and_place(scene)
-    return with_room(scene, edits.set_material(room, surface, material)), f"setting {room.names[surface]} to {material}"
+    return with_room(
+        scene, room_edits.set_material(room, surface, material)
+    ), f"setting {room.names[surface]} to {material}"
 
 
 def with_material_values(scene: Scene, material: str, shares: Mapping[str, float] | None = None) -> Edit:
@@ -210,22 +212,22 @@ def room_and_place(scene: Scene) -> tuple[Room, Place]:
     return scene.room, scene.place
 
 
-def bearing(middle: edits.Point, at: edits.Point) -> float:
+def bearing(middle: room_edits.Point, at: room_edits.Point) -> float:
     """Return the direction from one point to another, rad."""
     return math.atan2(at[1] - middle[1], at[0] - middle[0])
 
 
-def on_grid(point: edits.Point) -> edits.Point:
+def on_grid(point: room_edits.Point) -> room_edits.Point:
     """Return the point rounded to whole millimetres."""
     x, y = (round(value / GRID) * GRID for value in point)
     return round(x, 6), round(y, 6)
 
 
-def _sum(one: edits.Point, other: edits.Point) -> edits.Point:
+def _sum(one: room_edits.Point, other: room_edits.Point) -> room_edits.Point:
     return one[0] + other[0], one[1] + other[1]
 
 
-def with_sensor_at(scene: Scene, position: edits.Point, heading: float) -> Scene:
+def with_sensor_at(scene: Scene, position: room_edits.Point, heading: float) -> Scene:
     """Return the scene with the sensor at a point (m) and its step 0 at a heading (rad).
 
     Raises InputError inside a post.

@@ -466,11 +466,12 @@ class Room:
 
 
 def _numbers(values: object) -> tuple[float, ...] | None:
-    """Return values as numbers, or None if they are none."""
+    """Return a sequence of numbers, or None if the values are none."""
     try:
-        return tuple(np.asarray(values, dtype=np.float64).reshape(-1).tolist())
+        numbers = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):
         return None
+    return tuple(numbers.tolist()) if numbers.ndim == 1 else None
 
 
 def load_room(name: Path | str) -> Room:

@@ -162,7 +162,20 @@ def test_a_place_at_two_numbers_is_named_in_millimetres_and_keeps_its_position()
 
 
 @pytest.mark.parametrize(
-    "place", ["there", "1,2,3,4", "nan,1", "1,2,inf", "1,2,x", "5.2,5.0", (1.0,), (1.0, 2.0, 3.0, 4.0), ("a", "b"), 1.0]
+    "place",
+    [
+        "there",
+        "1,2,3,4",
+        "nan,1",
+        "1,2,inf",
+        "1,2,x",
+        "5.2,5.0",
+        (1.0,),
+        (1.0, 2.0, 3.0, 4.0),
+        [(0.5, 0.25)],
+        ("a", "b"),
+        1.0,
+    ],
 )
 def test_wrong_place_is_rejected(place: object) -> None:
     with pytest.raises(InputError):
