@@ -103,7 +103,8 @@ def _meant(message: str, context: typer.Context, arguments: Sequence[str]) -> st
         return f"{path} {group} {word}"
     if context.parent is None:
         return f"{path} {_OTHER_WORDS[word]}" if word in _OTHER_WORDS else ""
-    return "" if "Did you mean" in message else f"{path} {_OF_A_FILE[context.info_name or '']} {word}"
+    describes = _OF_A_FILE.get(context.info_name or "")
+    return f"{path} {describes} {word}" if describes and "Did you mean" not in message else ""
 
 
 def _usage(context: typer.Context) -> str:

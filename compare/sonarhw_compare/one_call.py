@@ -536,9 +536,9 @@ def _places(given: PlaceInput | Sequence[PlaceInput] | None) -> list[PlaceInput]
     """Return places as a list; two or three numbers are one place."""
     if given is None:
         return []
-    if isinstance(given, Place | str) or (len(given) and all(isinstance(part, numbers.Real) for part in given)):
-        return [given]  # type: ignore[list-item]  # no list of places is left
-    return [*given]
+    parts = [given] if isinstance(given, Place | str) else [*given]
+    is_pose = parts and all(isinstance(part, numbers.Real) for part in parts)
+    return [cast("Sequence[float]", parts)] if is_pose else cast("list[PlaceInput]", parts)
 
 
 # Fake scanners: `fake:ROOM?place=NAME&seed=1`, and the device that answers there.
