@@ -1,6 +1,7 @@
 """Publish readings while they are measured, on the WebSocket of Foxglove, with the channels of a log."""
 
 import logging
+import threading
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -14,6 +15,7 @@ from sonarhw.log.writer import DECODED, laser_scan, reading_messages
 from sonarhw.readings import Reading
 
 _LAST_SENT_WITHIN = 1.0  # s; the SDK drops what it has not sent when it stops, and does not report when all is sent
+_STOPPED_WITHIN = 0.5  # s
 PREDICTION = "/prediction"  # a LaserScan for each one of /scan, at the same headings and with the same time
 
 
@@ -58,7 +60,10 @@ class FoxgloveServer:
             if any(channel.has_sinks() for channel in self._channels.values()):
                 time.sleep(_LAST_SENT_WITHIN)
         finally:
-            self._server.stop()
+            # the SDK waits for viewers that have connected and say nothing
+            stopping = threading.Thread(target=self._server.stop, name="stop the server of Foxglove", daemon=True)
+            stopping.start()
+            stopping.join(_STOPPED_WITHIN)
 
     def reading(self, reading: Reading) -> None:
         """Publish a reading and its trace."""

@@ -3,11 +3,13 @@
 import json
 import math
 import re
+import subprocess
+import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Final, Literal
+from typing import Any, Final, Literal
 from urllib.parse import unquote
 
 from sonarhw.errors import InputError
@@ -92,17 +94,33 @@ class LineFormat:
 LINE_ENDS = re.compile(rb"[\r\n\0]+")
 
 
-def pattern_format(pattern: re.Pattern[str], unit: RangeUnit, ends: re.Pattern[bytes] = LINE_ENDS) -> LineFormat:
-    """Return the format of a regular expression with the groups of `check_pattern`, which matches a whole line."""
+Groups = dict[str, str | None]  # the texts of the named groups of a match
+
+
+def pattern_format(
+    pattern: re.Pattern[str],
+    unit: RangeUnit,
+    ends: re.Pattern[bytes] = LINE_ENDS,
+    groups_in: Callable[[str], Groups | None] | None = None,
+) -> LineFormat:
+    """Return the format of a regular expression with the groups of `check_pattern`, which matches a whole line.
+
+    `groups_in` matches a line, in place of the pattern itself.
+    """
     groups = set(pattern.groupindex)
     range_group = next(group for group in groups if group.partition("_")[0] == "range")
     named = UNITS.get(range_group.partition("_")[2])
 
-    def read(line: str) -> Printed | None:
+    def match_here(line: str) -> Groups | None:
         match = pattern.fullmatch(line)
-        if match is None:
+        return None if match is None else match.groupdict()
+
+    matched = groups_in or match_here
+
+    def read(line: str) -> Printed | None:
+        texts = matched(line)
+        if texts is None:
             return None
-        texts = match.groupdict()
         word = texts.get("unit")
         stated = named if word is None else _UNIT_WORDS.get(word.lower())
         return unit.printed(texts.get("heading_deg"), texts[range_group], stated)
@@ -122,6 +140,86 @@ def check_pattern(text: str, prints_angle: bool) -> re.Pattern[str]:
     if prints_angle and "heading_deg" not in pattern.groupindex:
         raise InputError(f"pattern {text!r}: expected a group (?P<heading_deg>...); without an angle, add step=DEGREES")
     return pattern
+
+
+_MATCHED_WITHIN = 1.0  # s for one line
+_MOST_SLOW = 3  # lines one after another
+# what the process executes: it ends within a match that takes too long, and when its input ends
+_MATCH = """
+import faulthandler, json, os, re, sys
+nowhere = open(os.devnull, "w")
+text, within = json.loads(sys.stdin.readline())
+pattern = re.compile(text, re.ASCII)
+for line in sys.stdin:
+    faulthandler.dump_traceback_later(within, exit=True, file=nowhere)
+    match = pattern.fullmatch(json.loads(line))
+    faulthandler.cancel_dump_traceback_later()
+    print(json.dumps(match and match.groupdict()), flush=True)
+"""
+
+
+class MatchingProcess:
+    """Matches lines with a pattern of the user, in a process that ends if a match takes longer than 1 s.
+
+    A match cannot be interrupted, and no other thread of its process runs meanwhile.
+    """
+
+    def __init__(self, pattern: str) -> None:
+        self._pattern = pattern
+        self._slow = 0  # newest lines, one after another, whose match took too long
+        self._process: subprocess.Popen[str] | None = None
+
+    def groups(self, line: str) -> Groups | None:
+        """Return the groups of the line; None without a match.
+
+        Raises TimeoutError if it takes too long, and InputError for the third such line one after another.
+        """
+        try:
+            answer = self._answer(line)
+        except OSError:
+            answer = ""
+        if answer:
+            self._slow = 0
+            groups: Groups | None = json.loads(answer)
+            return groups
+        self.close()
+        self._slow += 1
+        if self._slow >= _MOST_SLOW:
+            raise InputError(
+                f"pattern {self._pattern!r}: matching takes more than {_MATCHED_WITHIN:g} s for lines such as "
+                f"{line[:_SHOWN]!r}; write it without a repetition within a repetition"
+            )
+        raise TimeoutError
+
+    def close(self) -> None:
+        """End the process. The next line starts it again."""
+        process, self._process = self._process, None
+        if process:
+            process.kill()
+            process.communicate()
+
+    def _answer(self, line: str) -> str:
+        """Return the answer to a line as JSON; empty if the process has ended."""
+        if self._process is None:
+            self._process = _started_matching()
+            print(json.dumps((self._pattern, _MATCHED_WITHIN)), file=self._process.stdin, flush=True)
+        assert self._process.stdout is not None
+        print(json.dumps(line), file=self._process.stdin, flush=True)
+        return self._process.stdout.readline()
+
+
+def _started_matching() -> "subprocess.Popen[str]":
+    hidden: dict[str, Any] = {"start_new_session": True}  # Ctrl-C in a terminal does not reach it
+    if sys.platform == "win32":
+        hidden = {"creationflags": subprocess.CREATE_NO_WINDOW}
+    return subprocess.Popen(
+        [sys.executable, "-I", "-S", "-c", _MATCH],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        encoding="ascii",
+        **hidden,
+    )
 
 
 def csv_format(unit: RangeUnit) -> LineFormat:
@@ -204,6 +302,7 @@ _NUMBERS_ONLY = re.compile(r"[\d.,;:*+\-\s]*", re.ASCII)
 # kinds of lines that are no readings
 HALF_LINES = "half lines"  # the first line after opening, and lines with missing characters
 OTHER_TEXT = "lines of other text"  # banners, messages
+SLOW = "lines that take more than 1 s to match"
 NOISE = "noise"  # lines with bytes that are not text
 
 
@@ -253,7 +352,11 @@ class LineDecoder:
             return None
         if not line:
             return None
-        read = self._format.read(line)
+        try:
+            read = self._format.read(line)
+        except TimeoutError:
+            self.ignored[SLOW] += 1
+            return None
         if isinstance(read, str):  # a header
             self._text = self.readings > 0
             return None
@@ -266,7 +369,10 @@ class LineDecoder:
 
     def _may_be_cut(self, line: str) -> bool:
         """Return whether the line is still a reading with one more character before it: 90,23 may be cut to 0,23."""
-        return any(isinstance(self._format.read(f"{character}{line}"), Printed) for character in _CUT)
+        try:
+            return any(isinstance(self._format.read(f"{character}{line}"), Printed) for character in _CUT)
+        except TimeoutError:
+            return True
 
     def _note_text(self, line: str, cut: bool) -> None:
         self.example = line[:_SHOWN]
@@ -361,12 +467,14 @@ class LinesUrl:
         """Name of the board profile that suits the usual sensor, empty if unknown."""
         return PRESETS[self.preset].board if self.preset else ""
 
-    def make_format(self) -> LineFormat:
-        """Return the format of the lines. Raises InputError for an invalid pattern."""
+    def make_format(self, matching: "MatchingProcess | None" = None) -> LineFormat:
+        """Return the format of the lines. Raises InputError for an invalid pattern. `matching` matches its lines."""
         if self.preset:
             return preset_format(PRESETS[self.preset], self.unit, self.no_echo)
         scale = None if self.unit is None else UNITS[self.unit]
-        return pattern_format(check_pattern(self.pattern, self.step is None), RangeUnit(scale, self.no_echo or ()))
+        pattern = check_pattern(self.pattern, self.step is None)
+        unit = RangeUnit(scale, self.no_echo or ())
+        return pattern_format(pattern, unit, groups_in=matching.groups if matching else None)
 
     def turntable_angle(self, heading_deg: float) -> float:
         """Return the turntable angle at a printed angle, rad."""
@@ -546,7 +654,8 @@ class TextDevice(DevicePlugin):
         super().__init__(url)
         self._settings = read_lines_url(url)
         self._find = PortFinder(self._settings.port)
-        self._decoder = LineDecoder(self._settings.make_format())
+        self._matching = MatchingProcess(self._settings.pattern)
+        self._decoder = LineDecoder(self._settings.make_format(self._matching))
         self._link: Link | None = None
         self._steps = 0  # readings since the scan began, of a device that prints no angle
         self._bytes = 0
@@ -574,6 +683,7 @@ class TextDevice(DevicePlugin):
 
     def close(self) -> None:
         """Close the port."""
+        self._matching.close()
         link, self._link = self._link, None
         if link:
             link.close()

@@ -9,6 +9,7 @@ load.
 """
 
 import _thread  # threading takes locks, which the interrupted code may hold
+import atexit
 import os
 import signal
 import sys
@@ -17,41 +18,83 @@ from collections.abc import Callable
 from io import TextIOWrapper
 from types import FrameType
 
-from sonarhw_cli.interruption import SIGNALS
+from sonarhw_cli.interruption import LAST_WORDS, SIGNALS
 
 INTERRUPTED = 130  # ExitStatus.INTERRUPTED, which is not imported before the handler is installed
-UNWINDING = 3.0  # s for cleaning up after Ctrl-C; only a library that swallowed the KeyboardInterrupt takes longer
+UNWINDING = 1.8  # s from the first signal until the process exits, whatever is still running
+_LAST_WORDS = 0.1  # s for printing what was kept; standard error may accept nothing
+_HANGUP = getattr(signal, "SIGHUP", None)  # Windows has none
 
 
 class Interrupt:
-    """Handler of SIGNALS outside `console.interruption`. The first signal unwinds the command, the second exits."""
+    """Handler of SIGNALS outside `interruption`, and the watch that ends the process.
+
+    The first signal unwinds the command. UNWINDING later, or at the second signal, the process exits without
+    unwinding. A second SIGHUP does not count: a closed terminal and its shell both send one.
+    """
 
     def __init__(self) -> None:
         self.received = False
         self.started = False  # whether there may be something to clean up
+        self.status: int | None = None  # once the work is complete: a late signal must not change it
+        self._repeated = 0  # signals that the handler sends to itself
         self._threads: list[_thread.LockType] = []  # each is free once its thread runs
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
         """Handle a signal."""
-        if self.received or not self.started:
-            _exit_at_once()
+        if not self.started:
+            _exit_at_once(INTERRUPTED)
+        if self.received or self.status is not None:
+            return
         if _in_result_of_kernel(frame):
+            self._repeated += 1
             self._threads.append(_started(_repeat, number))
             return
         self.received = True
         # errors in destructors and callbacks are consequences of the signal: do not print them
         sys.unraisablehook = lambda _: None
         sys.excepthook = lambda *_: None
-        self._threads += [_started(_end_later), _started(_end_at_next, _next_signal())]
         raise KeyboardInterrupt
+
+    def watch(self) -> None:
+        """Watch for signals in a thread.
+
+        Python calls no signal handler while the main thread is in a library call, nor while it finalizes.
+        """
+        reader, writer = os.pipe()
+        if hasattr(os, "set_blocking"):  # missing on Windows before Python 3.12, and not needed there
+            os.set_blocking(writer, False)
+        signal.set_wakeup_fd(writer)
+        self._threads.append(_started(self._watch, reader))
 
     def wait_for_threads(self) -> None:
         """Wait until the threads of the handler run: Python can crash if it exits while one is starting."""
         for thread in self._threads:
             thread.acquire()
 
+    def _watch(self, signals: int) -> None:
+        first = True
+        while number := os.read(signals, 1):
+            if number[0] not in SIGNALS:
+                continue
+            if self._repeated:
+                self._repeated -= 1
+            elif first:
+                first = False
+                self._threads.append(_started(self._end_later))
+            elif number[0] != _HANGUP:
+                _exit_at_once(self._exit_status)
 
-def _started(function: Callable[..., None], *arguments: int) -> _thread.LockType:
+    def _end_later(self) -> None:
+        time.sleep(UNWINDING)
+        _exit_at_once(self._exit_status)
+
+    @property
+    def _exit_status(self) -> int:
+        return INTERRUPTED if self.status is None else self.status
+
+
+def _started(function: Callable[..., None], *arguments: object) -> _thread.LockType:
     """Call `function` in a thread. Return a lock that the thread releases first."""
     running = _thread.allocate_lock()
     running.acquire()
@@ -80,35 +123,24 @@ def _repeat(number: int) -> None:
     _thread.interrupt_main(signal.Signals(number))
 
 
-def _next_signal() -> int:
-    """Return a file descriptor that becomes readable at the next signal.
-
-    Python does not call signal handlers while a library call is running, or in a sleep that starts just as the signal
-    arrives.
-    """
-    reader, writer = os.pipe()
-    if hasattr(os, "set_blocking"):  # missing on Windows before Python 3.12, and not needed there
-        os.set_blocking(writer, False)
-    signal.set_wakeup_fd(writer)
-    return reader
-
-
-def _end_at_next(signal_pipe: int) -> None:
-    os.read(signal_pipe, 1)
-    _exit_at_once()
-
-
-def _end_later() -> None:
-    time.sleep(UNWINDING)
-    _exit_at_once()
-
-
-def _exit_at_once() -> None:
+def _exit_at_once(status: int) -> None:
     """Exit without unwinding. Unfinished files are removed, if the module that writes them is loaded."""
     remove = getattr(sys.modules.get("sonarhw.files"), "remove_unfinished", None)
     if remove is not None:
         remove()
-    os._exit(INTERRUPTED)
+    printed = _thread.allocate_lock()
+    printed.acquire()
+    _started(_print_last_words, printed)
+    printed.acquire(timeout=_LAST_WORDS)
+    os._exit(status)
+
+
+def _print_last_words(printed: _thread.LockType) -> None:
+    try:
+        for words in LAST_WORDS:
+            os.write(2, f"{words()}\n".encode(errors="backslashreplace"))
+    finally:
+        printed.release()
 
 
 def _occupy_closed_streams() -> None:
@@ -129,12 +161,21 @@ def main() -> None:
     handled = [number for number in SIGNALS if signal.getsignal(number) != signal.SIG_IGN]
     for number in handled:
         signal.signal(number, interrupt)
-    status = _run(interrupt)
-    for number in handled:
-        # the work is complete: a late signal must not change the status
-        signal.signal(number, signal.SIG_IGN)
+    interrupt.watch()
+    try:
+        status = _run(interrupt)
+        interrupt.status = INTERRUPTED if interrupt.received else status
+    except KeyboardInterrupt:  # between two of these lines
+        interrupt.status = INTERRUPTED
+    # after the threads have ended, which a signal must be able to interrupt
+    atexit.register(_ignore, handled)
     interrupt.wait_for_threads()
-    sys.exit(INTERRUPTED if interrupt.received else status)
+    sys.exit(interrupt.status)
+
+
+def _ignore(signals: list[signal.Signals]) -> None:
+    for number in signals:
+        signal.signal(number, signal.SIG_IGN)
 
 
 def _run(interrupt: Interrupt) -> int:

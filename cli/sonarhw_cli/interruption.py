@@ -10,6 +10,7 @@ from types import FrameType
 
 # Windows has no SIGHUP
 SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+LAST_WORDS: list[Callable[[], str]] = []  # lines for standard error if the process exits without unwinding
 
 
 class Interruption:

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sonarhw.errors import InputError, counted, counted_are
+from sonarhw.errors import InputError, counted, counted_are, harmless
 from sonarhw.export import HEADER, row
 from sonarhw_cli import inputs, options
-from sonarhw_cli.interruption import Interruption, interruption
+from sonarhw_cli.interruption import LAST_WORDS, Interruption, interruption
 from sonarhw_cli.outputs import checked_out, progress, standard_output
 
 if TYPE_CHECKING:
@@ -276,14 +276,25 @@ class _Terminal:
 @contextmanager
 def _interruption_reported(out: Path, terminal: _Terminal) -> Iterator[None]:
     """After an interruption, print the number of recorded readings when the log is closed."""
+
+    def message() -> str:
+        count = terminal.log.count if terminal.log and terminal.count else 0
+        kept = f"{counted_are(count, 'reading')} kept in {out}" if count else "nothing was recorded"
+        return f"interrupted; {kept}"
+
+    def last_words() -> str:
+        return harmless(f"sonarhw: {message()}")
+
+    LAST_WORDS.append(last_words)
     try:
         yield
     except KeyboardInterrupt:
-        count = terminal.log.count if terminal.log and terminal.count else 0
-        kept = f"{counted_are(count, 'reading')} kept in {out}" if count else "nothing was recorded"
+        LAST_WORDS.clear()
         with suppress(OSError):  # the terminal may be closed
-            options.print_error(f"interrupted; {kept}")
+            options.print_error(message())
         raise
+    finally:
+        LAST_WORDS.clear()
 
 
 def _warn_of_another_count(count: int, request: ScanRequest) -> None:

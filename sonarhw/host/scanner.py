@@ -220,6 +220,7 @@ MOST_WAITING = 1024  # readings; about 100 s at 10 pings a second
 TICK = 0.05  # s; longest delay until `close` takes effect
 OpenLink: TypeAlias = Link | PluginLink
 Clock: TypeAlias = Callable[[], float]  # returns s since the epoch, and never runs backwards
+_CLOSED_WITHIN = 5.0  # s
 _STOPPED = 0.3  # s; after a longer time between two reads, the system had stopped this process
 
 
@@ -279,11 +280,12 @@ class LinkThread:
             self._link.wake()
 
     def close(self) -> None:
-        """End the thread and close the link."""
+        """End the thread and close the link. Waits for at most 5 s."""
         self._closing.set()
         with self.changed:
             self.changed.notify_all()
-        self._thread.join()
+        # a plug-in or a driver may block; the thread then ends with the program
+        self._thread.join(_CLOSED_WITHIN)
 
     def _converse(self) -> None:
         try:

@@ -10,8 +10,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from sonarhw_cli.entry import INTERRUPTED
+from sonarhw_cli.entry import INTERRUPTED, UNWINDING
 
+from sonarhw.log import read_log
 from tests.checkout import CHECKOUT
 from tests.conftest import Count
 from tests.hang_guard import HANG
@@ -178,3 +179,87 @@ def test_an_exception_without_ctrl_c_gives_a_traceback(tmp_path: Path, environme
         _, errors = process.communicate(timeout=HANG)
     assert process.returncode == 1
     assert "ZeroDivisionError" in errors
+
+
+# a plug-in that blocks in the call that its URL names, whatever is raised in it
+BLOCKING = """
+import math, threading, time
+from sonarhw import DeviceIdentity, DevicePlugin, Measurement
+
+class Blocking(DevicePlugin):
+    calls = 0
+
+    def block(self, place):
+        if self.url == f"blocking:{place}":
+            print("begun", flush=True)
+            while True:
+                try:
+                    threading.Event().wait()
+                except BaseException:
+                    pass
+
+    def __init__(self, url):
+        super().__init__(url)
+        self.block("init")
+
+    @property
+    def identity(self):
+        self.block("identity")
+        return DeviceIdentity("blocking")
+
+    def open(self):
+        self.block("open")
+
+    def begin(self, order):
+        self.block("begin")
+        return True
+
+    def read(self):
+        time.sleep(0.001)
+        self.calls += 1
+        if self.calls > 200:
+            self.block("read")
+        angle = math.radians(abs(self.calls % 20 - 10))
+        return [Measurement(angle, (1.0,))]
+
+    def end(self):
+        self.block("end")
+
+    @property
+    def ignored(self):
+        self.block("ignored")
+        return {}
+
+    def close(self):
+        pass
+"""
+POINTS = "[sonarhw.devices]\nblocking = blocking:Blocking\n"
+
+
+@pytest.fixture
+def with_plugin(tmp_path: Path, environment: dict[str, str]) -> dict[str, str]:
+    """Return an environment in which the plug-in that blocks is installed."""
+    packages = tmp_path / "packages"
+    metadata = packages / "blocking-1.0.dist-info"
+    metadata.mkdir(parents=True)
+    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: blocking\nVersion: 1.0\n")
+    (metadata / "entry_points.txt").write_text(POINTS)
+    (packages / "blocking.py").write_text(BLOCKING)
+    return {**environment, "PYTHONPATH": os.pathsep.join((str(packages), environment["PYTHONPATH"]))}
+
+
+@pytest.mark.parametrize("call", ["init", "open", "begin", "read", "end", "ignored"])
+def test_ctrl_c_ends_a_command_whose_plugin_blocks(call: str, tmp_path: Path, with_plugin: dict[str, str]) -> None:
+    code = HANDLED + "from sonarhw_cli.entry import main; main()"
+    command = ("scan", f"blocking:{call}", "--out", "scan.mcap", "--sweeps", "1000" if call == "read" else "2")
+    with begun(code, *command, folder=tmp_path, environment=with_plugin) as process:
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=HANG)
+    assert (process.returncode, "Traceback" in errors) == (INTERRUPTED, False)
+    if call == "read":
+        assert len(read_log(tmp_path / "scan.mcap").readings) > 100
+        assert "kept in scan.mcap" in errors
+
+
+def test_a_command_ends_within_two_seconds_of_ctrl_c() -> None:
+    assert UNWINDING < 2

@@ -3,7 +3,9 @@
 import json
 import re
 import signal
+from itertools import chain, repeat
 from pathlib import Path
+from urllib.parse import quote
 
 import pytest
 from sonarhw_cli.app import run
@@ -18,6 +20,7 @@ from tests.fixtures.text_devices.received_clock import ReceivedClock
 from tests.reference_pages import keys_in_reference
 from tests.system.cli.instrument.test_scan_command import end, lines, started
 
+RADAR_LINES = [b"%d,23\n" % abs(step) for step in range(-10, 10)]
 RADAR = SKETCHES["radar 15 to 165"]
 
 
@@ -153,3 +156,38 @@ def test_guess_listens_only_at_likely_or_named_ports(
     assert run(["ports", "--guess"]) == 0
     assert capsys.readouterr().out == "/dev/ttyS0  16550  not checked; name the port\n"
     assert run(["ports", "--guess", "--ask"]) == 2
+
+
+SLOW = r"(?P<heading_deg>(\d+)+),(?P<range_cm>\d+)"
+
+
+def test_a_match_that_takes_too_long_skips_its_line_and_the_third_one_ends_the_scan(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    url, log = f"?pattern={quote(SLOW)}", tmp_path / "scan.mcap"
+    pieces = [*RADAR_LINES[:5], b"1" * 40 + b"\n", *RADAR_LINES[5:]] * 4
+    with PrintingDevice(pieces) as device:
+        assert run(["scan", f"lines:{device.port}{url}", "--out", str(log)]) == 0
+    assert "lines that take more than 1 s to match (" in capsys.readouterr().err
+    assert len(read_log(log).readings) == 10
+    with PrintingDevice(chain(RADAR_LINES * 2, repeat(b"1" * 40 + b"\n"))) as device:
+        assert run(["scan", f"lines:{device.port}{url}", "--out", str(tmp_path / "2.mcap"), "--sweeps", "9"]) == 2
+    assert "write it without a repetition within a repetition" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("pattern", "line"),
+    [
+        (r"(?P<range_cm>\d+)", "23"),
+        (r"(?P<range_cm>\d+)(?P<unit>cm)?", "23"),
+        (r"(?P<range_cm>\d+) \N{DEGREE SIGN}.*", "23 ° \u2028 \U0001f600"),
+        (r"(?i)A(?P<range_cm>\d+)\s{e}", "a23 {e}"),
+        (r"(?>\d+),(?P<range_cm>\d++)", "1,23"),
+        (r"(?P<range_cm>\d+)", "x"),
+    ],
+)
+def test_a_process_matches_as_python_does(pattern: str, line: str) -> None:
+    process = text_device.MatchingProcess(pattern)
+    match = re.compile(pattern, re.ASCII).fullmatch(line)
+    assert process.groups(line) == (match and match.groupdict())
+    process.close()

@@ -196,3 +196,17 @@ def test_the_missing_extra_is_named() -> None:
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     install = "run pip install '.[foxglove]' in the source folder of sonarhw"
     assert done.stderr == f"sonarhw: a server for Foxglove needs its SDK, which is not installed: {install}\n"
+
+
+@pytest.mark.parametrize("interrupted", [False, True])
+def test_a_client_that_says_nothing_does_not_keep_the_server(interrupted: bool) -> None:
+    url = f"fake:{SIMPLE_ROOM}?place=figure9"
+    with started(
+        "serve", url, "--foxglove", "--tcp", "127.0.0.1:0", "--step", "90", "--sweeps", "9999" if interrupted else "1"
+    ) as serving:
+        host, _, port = lines(serving, 1)[0].strip().removeprefix("ws://").partition(":")
+        with closing(socket.create_connection((host, int(port)))):
+            if interrupted:
+                serving.send_signal(signal.SIGINT)
+            status, errors = end(serving)
+    assert (status, "Traceback" in errors) == (130 if interrupted else 0, False)
