@@ -1,14 +1,73 @@
-"""Files that are written completely or not at all, and the free space of a disk."""
+"""Input files that are regular and bounded, files that are written completely or not at all, and free space."""
 
 import errno
 import os
+import select
 import shutil
+import stat
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO
 
 from sonarhw.errors import OutputError
+
+# input files: a device may be endless or a port that resets its board, and a named pipe may wait for ever
+
+
+_PIPE_WITHIN = 60.0  # s for all bytes of a pipe
+_KINDS = {
+    stat.S_IFDIR: os.strerror(errno.EISDIR),
+    stat.S_IFIFO: "it is a named pipe, not a file",
+    stat.S_IFSOCK: "it is a socket, not a file",
+}
+
+
+def open_input(path: Path, most: int, *, pipes: bool = False) -> BinaryIO:
+    """Open an input file: a regular file of at most `most` bytes.
+
+    With `pipes` also an empty device and a pipe that a shell has opened, such as standard input or `<(command)`; it is
+    read to its end within a minute. Raises OSError with a clause as `strerror`, ValueError for a NUL in the name.
+    """
+    kind = path.stat().st_mode  # opening a port can reset the board behind it
+    if stat.S_ISREG(kind):
+        return _opened_regular(path, most)
+    if pipes and stat.S_ISFIFO(kind) and os.path.realpath(path).startswith("/proc/"):
+        return BytesIO(_read_pipe(path, most))
+    if pipes and stat.S_ISCHR(kind) and os.path.samefile(path, os.devnull):
+        return BytesIO()
+    raise OSError(errno.EINVAL, _KINDS.get(stat.S_IFMT(kind), "it is a device, not a file"))
+
+
+def _opened_regular(path: Path, most: int) -> BinaryIO:
+    # another program may just have replaced the file by a pipe
+    descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+    file = os.fdopen(descriptor, "rb")
+    status = os.fstat(descriptor)
+    if stat.S_ISREG(status.st_mode) and status.st_size <= most:
+        return file
+    file.close()
+    if not stat.S_ISREG(status.st_mode):
+        raise OSError(errno.EINVAL, "it is not a file any more")
+    raise OSError(errno.EFBIG, f"it has {status.st_size / 1e6:.4g} MB, at most {most / 1e6:.4g} MB are read")
+
+
+def _read_pipe(path: Path, most: int) -> bytes:
+    """Return the bytes of a pipe, one more than `most` if it has more."""
+    until, content = time.monotonic() + _PIPE_WITHIN, bytearray()
+    with path.open("rb", buffering=0) as pipe:
+        while len(content) <= most:
+            ready, _, _ = select.select([pipe], [], [], max(0.0, until - time.monotonic()))
+            if not ready:
+                raise OSError(errno.ETIMEDOUT, f"this pipe has not ended within {_PIPE_WITHIN:g} s")
+            piece = pipe.read(most + 1 - len(content))
+            if not piece:
+                break
+            content += piece
+    return bytes(content)
+
 
 # files that appear under their name when they are complete; logs of running scans grow reading by reading
 
@@ -89,11 +148,18 @@ def _renamed_when_complete(path: Path, overwrite: bool) -> Iterator[BinaryIO]:
             # some file systems report a full disk only here
             os.fsync(file.fileno())
         if overwrite:
-            if target.exists():
-                shutil.copymode(target, unfinished)
-            unfinished.replace(target)
+            replace_regular(unfinished, target)
         else:
             _rename_to_new(unfinished, target)
+
+
+def replace_regular(unfinished: Path, target: Path) -> None:
+    """Rename a complete file to `target`, which may be a regular file or missing. Raises OSError."""
+    if target.exists():
+        if not target.is_file():
+            raise OSError(errno.EINVAL, "it is not a regular file, and is not replaced")
+        shutil.copymode(target, unfinished)
+    unfinished.replace(target)
 
 
 def _rename_to_new(unfinished: Path, target: Path) -> None:

@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from io import TextIOWrapper
 from itertools import count, islice
 from pathlib import Path
 from typing import Any, TextIO
@@ -17,6 +18,7 @@ from typing import Any, TextIO
 import numpy as np
 
 from sonarhw.errors import InputError, counted
+from sonarhw.files import open_input
 from sonarhw.readings import Reading, Trace
 from sonarhw.sound_speed import speed_of_sound
 from sonarhw.wire.messages import MOST_DEGREES
@@ -32,6 +34,7 @@ LONGEST_SCAN = 1e8  # s
 # limits of a file, so that nothing needs more than 1 GB
 MOST_READINGS = 200_000
 MOST_SAMPLES = 50_000_000  # of all traces
+_MOST_BYTES = 2_000_000_000  # of a text file
 _PINGS = 256
 
 
@@ -230,9 +233,7 @@ def _words(column: str) -> list[str]:
 def opened(file: Path, expected: str = "a CSV file") -> Iterator[TextIO]:
     """Open a text file. Raises InputError for what is not text in UTF-8, or not `expected`."""
     try:
-        if file.exists() and not file.is_file():
-            raise InputError(f"{file}: is not a file; give the name of {expected}")
-        with file.open(encoding="utf-8-sig", newline="") as text:
+        with TextIOWrapper(open_input(file, _MOST_BYTES), encoding="utf-8-sig", newline="") as text:
             yield text
     except FileNotFoundError as error:
         raise InputError(f"{file}: no such file; give the name of {expected}") from error

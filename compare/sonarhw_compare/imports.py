@@ -1,23 +1,66 @@
 """Scans of other programs as logs: CARMEN, Ping360, ROS bags, raw traces and mean ranges."""
 
 import math
+import os
 import re
 import struct
 import warnings
-import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from importlib.util import find_spec
+from itertools import islice, pairwise
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import binomtest
 
-from sonarhw.errors import InputError, MissingExtra
+from sonarhw.errors import InputError, MissingExtra, SonarError
+from sonarhw.files import open_input
 from sonarhw.readings import BoolArray, FloatArray, Reading, Trace
-from sonarhw_compare.foreign_csv import MOST_SAMPLES, ForeignRow, Meaning, opened, readings_of, short_lines
+from sonarhw_compare.foreign_csv import (
+    MOST_READINGS,
+    MOST_SAMPLES,
+    ForeignRow,
+    Meaning,
+    opened,
+    readings_of,
+    short_lines,
+)
+from sonarhw_compare.processes import Unfinished, call_apart
+
+# Parsers that are not ours read a file in a process of its own: a damaged file can crash them, or let them compute
+# without end.
+
+
+_MOST_OPENED = 100_000_000_000  # bytes of a file; a bag may contain pictures
+_PARSED_WITHIN = 30.0  # s
+_SLOWEST = 5e6  # bytes/s beyond that
+T = TypeVar("T")
+
+
+def _apart(parse: Callable[..., T], file: Path, expected: str, *arguments: object) -> T:
+    """Return `parse(file, *arguments)` from a process of its own. `file` may be a folder. Raises InputError."""
+    try:
+        size = sum(_size(part) for part in (sorted(file.iterdir()) if file.is_dir() else [file]))
+        return call_apart(parse, file, *arguments, within=_PARSED_WITHIN + size / _SLOWEST)
+    except SonarError:
+        raise
+    except OSError as error:
+        raise InputError(f"{file}: cannot be read: {error.strerror or error}; expected {expected}") from error
+    except Unfinished as error:
+        raise InputError(f"{file}: is not {expected}: it {error}; the file is probably damaged") from error
+    except Exception as error:  # parsers raise anything for damaged files
+        # without the advice of later sentences
+        first = str(error).partition("\n")[0].partition(". ")[0] or type(error).__name__
+        raise InputError(f"{file}: is not {expected}: {first}") from error
+
+
+def _size(file: Path) -> int:
+    """Return the size of a regular file, bytes. Raises OSError for what is none."""
+    with open_input(file, _MOST_OPENED) as opened_file:
+        return os.fstat(opened_file.fileno()).st_size
+
 
 # Sonar readings of CARMEN logs, as `carmen_logwrite_write_base_sonar` of CARMEN's logger writes them.
 #
@@ -118,7 +161,7 @@ def read_ping360_log(file: Path, meaning: Meaning) -> list[Reading]:
     A log that ends within a profile gives those before.
     """
     try:
-        with file.open("rb") as data:
+        with open_input(file, _MOST_OPENED) as data:
             readings = readings_of(str(file), _ping360_rows(file, data), meaning)
     except OSError as error:
         raise InputError(f"{file}: cannot be read: {error.strerror}; expected a log of Ping Viewer") from error
@@ -216,7 +259,7 @@ _WHAT = "an array of samples"
 
 def read_raw_traces(file: Path, meaning: Meaning) -> list[Reading]:
     """Return one reading for each trace, `meaning.step` degrees apart. Raises InputError."""
-    table, rate = _wav(file) if file.suffix.lower() == ".wav" else (_table(file), meaning.rate)
+    table, rate = _samples(file, meaning.rate)
     if rate is None or not SLOWEST <= rate <= FASTEST:
         raise InputError(f"{file}: a sampling rate of {rate} Hz; expected {SLOWEST:g} to {FASTEST:g} Hz")
     samples = _scaled(file, np.atleast_2d(table))
@@ -253,52 +296,43 @@ def _check_size(file: Path, count: float) -> None:
         raise InputError(f"{file}: {count:g} samples; expected at most {MOST_SAMPLES}; split it into several files")
 
 
+def _samples(file: Path, rate: float | None) -> tuple[NDArray[np.generic], float | None]:
+    """Return the array in a file, by its suffix, and the sampling rate, Hz: its own, or the given one."""
+    match file.suffix.lower():
+        case ".wav":
+            return _apart(_wav, file, "a WAV file")
+        case ".npy":
+            return _apart(_npy, file, "an array of NumPy (.npy)"), rate
+        case ".mat":
+            return _apart(_mat, file, "a MAT file"), rate
+        case _:
+            return _text(file), rate
+
+
 def _wav(file: Path) -> tuple[NDArray[np.generic], float]:
     """Return the channels of a WAV file, (n, m), and its rate, Hz."""
     from scipy.io import wavfile
 
-    try:
-        _check_size(file, file.stat().st_size)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", wavfile.WavFileWarning)  # chunks that are not sound
-            rate, sound = wavfile.read(file)
-    except OSError as error:
-        raise InputError(f"{file}: cannot be read: {error.strerror}; expected a WAV file") from error
-    except (ValueError, struct.error, EOFError) as error:
-        raise InputError(f"{file}: is not a WAV file: {error}") from error
+    _check_size(file, file.stat().st_size)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", wavfile.WavFileWarning)  # chunks that are not sound
+        rate, sound = wavfile.read(file)
     if sound.dtype == np.uint8:  # eight bits have their zero at 128
         sound = (sound.astype(np.int16) - 128).astype(np.int8)
     return np.atleast_2d(sound.T), float(rate)
 
 
-def _table(file: Path) -> NDArray[np.generic]:
-    """Return the array in a file, by its suffix."""
-    try:
-        match file.suffix.lower():
-            case ".npy":
-                return _npy(file)
-            case ".mat":
-                return _mat(file)
-            case _:
-                return _text(file)
-    except OSError as error:
-        raise InputError(f"{file}: cannot be read: {error.strerror or error}; expected {_WHAT}") from error
-
-
 def _npy(file: Path) -> NDArray[np.generic]:
-    try:
-        table: NDArray[np.generic] = np.load(file, mmap_mode="r", allow_pickle=False)
-    except (ValueError, EOFError) as error:
-        # without the advice of later sentences
-        first = str(error).partition("\n")[0].partition(". ")[0]
-        raise InputError(f"{file}: is not an array of NumPy (.npy): {first}") from error
+    table = np.load(file, mmap_mode="r", allow_pickle=False)
+    if not isinstance(table, np.ndarray):
+        raise InputError(f"{file}: is an archive of arrays (.npz); give one array (.npy)")
     _check_size(file, table.size)
-    return table
+    return np.array(table)
 
 
 def _mat(file: Path) -> NDArray[np.generic]:
     """Return the only array of a MAT file that is longer than one number. Sizes are checked before it is loaded."""
-    from scipy.io import loadmat, matlab, whosmat
+    from scipy.io import loadmat, whosmat
 
     try:
         sizes = {name: math.prod(shape) for name, shape, _ in whosmat(file)}
@@ -309,8 +343,6 @@ def _mat(file: Path) -> NDArray[np.generic]:
         return np.asarray(loadmat(file, variable_names=arrays)[arrays[0]])
     except NotImplementedError as error:
         raise InputError(f"{file}: a MAT file of version 7.3; save it with `save -v7`") from error
-    except (ValueError, TypeError, EOFError, KeyError, zlib.error, matlab.MatReadError) as error:
-        raise InputError(f"{file}: is not a MAT file: {str(error).partition(chr(10))[0]}") from error
 
 
 def _text(file: Path) -> NDArray[np.generic]:
@@ -342,8 +374,6 @@ def _text(file: Path) -> NDArray[np.generic]:
 
 _RANGE, _SCAN = "sensor_msgs/msg/Range", "sensor_msgs/msg/LaserScan"
 _MOST_BYTES_OF_BAG = 1_000_000  # of a message; a LaserScan of 100 000 ranges has half of this
-# what rosbags and its parsers raise for a damaged file, besides errors of their own
-_DAMAGE = (OSError, ValueError, LookupError, TypeError, AttributeError, AssertionError, EOFError, struct.error)
 
 
 def read_ros_bag(bag: Path, meaning: Meaning) -> list[Reading]:
@@ -351,22 +381,21 @@ def read_ros_bag(bag: Path, meaning: Meaning) -> list[Reading]:
 
     Raises MissingExtra if rosbags is not installed.
     """
-    try:
-        from apsw import Error as DatabaseError
-        from rosbags.highlevel import AnyReader, AnyReaderError
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError as error:
-        raise MissingExtra("ROS bags need rosbags", "ros") from error
-    try:
-        # bags of ROS 2 may contain no definitions; those of these two messages are the same in all versions
-        with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
-            readings = readings_of(str(bag), _bag_rows(bag, reader, meaning), meaning)
-    except (AnyReaderError, DatabaseError, *_DAMAGE) as error:
-        found = str(error).partition("\n")[0] or type(error).__name__
-        raise InputError(f"{bag}: is not a complete ROS bag: {found}") from error
+    if find_spec("rosbags") is None:
+        raise MissingExtra("ROS bags need rosbags", "ros")
+    readings = readings_of(str(bag), iter(_apart(_rows_of_bag, bag, "a complete ROS bag", meaning)), meaning)
     if not readings:
         raise InputError(f"{bag}: has no message of sensor_msgs/Range or LaserScan")
     return readings
+
+
+def _rows_of_bag(bag: Path, meaning: Meaning) -> list[ForeignRow]:
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
+    # bags of ROS 2 may contain no definitions; those of these two messages are the same in all versions
+    with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+        return [*islice(_bag_rows(bag, reader, meaning), MOST_READINGS + 1)]
 
 
 def _bag_rows(bag: Path, reader: Any, meaning: Meaning) -> Iterator[ForeignRow]:
@@ -479,6 +508,8 @@ def unit_of(ranges: FloatArray, scale: float) -> float:
 
 def _chance(found: Sequence[_Between], pings: int) -> float:
     """Return the probability that measured ranges look like at least as many means."""
+    from scipy.stats import binomtest  # takes a second
+
     means = sum(one.is_mean_of(pings) for one in found)
     expected = float(np.mean([one.chance_of(pings) for one in found]))
     return float(binomtest(means, len(found), expected, alternative="greater").pvalue)

@@ -9,12 +9,13 @@ import pickle
 import subprocess
 import sys
 import threading
+import time
 import traceback
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from contextlib import AbstractContextManager
 from queue import SimpleQueue
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, TypeVar, cast
 
 from sonarhw_sim.compiled import core_count, use_one_thread
 
@@ -24,6 +25,9 @@ from sonarhw.errors import WorkersLost
 _ONE_THREAD = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 _BETWEEN_CHECKS = 0.05  # s
 _RUN = "import sys; sys.path[:] = {!r}; from sonarhw_compare.processes import run; run()"
+
+
+T = TypeVar("T")
 
 
 class Processes(AbstractContextManager["Processes"]):
@@ -141,6 +145,49 @@ def _started() -> "subprocess.Popen[bytes]":
         env=os.environ | _ONE_THREAD,
         **hidden,
     )
+
+
+# One call of foreign code, such as a parser, with limits: it can crash, loop or need all memory.
+
+
+_MOST_MEMORY = 4 * 2**30  # bytes of address space
+
+
+class Unfinished(Exception):
+    """A call in a process of its own crashed, took too long or needed too much memory; the text is a clause."""
+
+
+def call_apart(function: Callable[..., T], *arguments: Any, within: float) -> T:
+    """Return `function(*arguments)` from a process of its own.
+
+    Raises what the function raises, and Unfinished after `within` s, with more than 4 GiB of memory (not on Windows),
+    or if the process crashes.
+    """
+    until = time.monotonic() + within
+
+    def check() -> None:
+        if time.monotonic() > until:
+            raise Unfinished(f"takes more than {within:.0f} s")
+
+    try:
+        with Processes(1, None) as processes:
+            ((_, result),) = processes.answers(_call_in_limits, [(function, arguments)], check)
+    except WorkersLost as error:
+        raise Unfinished("crashes its parser, or needs too much memory") from error
+    except MemoryError as error:
+        raise Unfinished(f"needs more than {_MOST_MEMORY / 2**30:g} GiB of memory") from error
+    return cast(T, result)
+
+
+def _call_in_limits(kept: None, function: Callable[..., T], arguments: tuple[Any, ...]) -> T:
+    if sys.platform != "win32":
+        import resource
+
+        _, most = resource.getrlimit(resource.RLIMIT_AS)
+        limit = _MOST_MEMORY if most == resource.RLIM_INFINITY else min(most, _MOST_MEMORY)
+        resource.setrlimit(resource.RLIMIT_AS, (limit, most))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    return function(*arguments)
 
 
 class LateProcesses(AbstractContextManager["LateProcesses"]):

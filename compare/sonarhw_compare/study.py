@@ -49,7 +49,7 @@ from sonarhw_sim.room.room_file import AirSection, Material, RoomFile
 from sonarhw_sim.space.sections import cut, spanning_at
 
 from sonarhw.errors import InputError, MissingExtra, OutputError, WorkersLost
-from sonarhw.files import atomic_file
+from sonarhw.files import atomic_file, open_input
 from sonarhw.readings import FloatArray, headings_between, sector
 from sonarhw_compare.free_space import FreeSpace, find_free_space
 from sonarhw_compare.match import TOLERANCE
@@ -739,6 +739,7 @@ def _reading_table(
 
 MANIFEST = "manifest.json"
 FORMAT = 1
+_MOST_MANIFEST = 64_000_000  # bytes
 _MOST_PER_PART = 500
 _MOST_ROWS_PER_PART = 1_000_000  # headings, so that a part of fine scans fits into memory
 _PARTS = 40  # in a study of fewer than 20 000 scans
@@ -870,7 +871,8 @@ class StudyFolder:
 def read_manifest(folder: Path) -> dict[str, Any]:
     """Return the manifest of the folder of a study. Raises InputError if there is none."""
     try:
-        manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+        with open_input(folder / MANIFEST, _MOST_MANIFEST) as file:
+            manifest = json.load(file)
     except (OSError, ValueError) as error:
         raise InputError(f"{folder}: not the folder of a study; it has no readable {MANIFEST}") from error
     if not isinstance(manifest, dict) or manifest.get("format") != FORMAT:

@@ -1,10 +1,10 @@
 """TOML files: included and own ones by name, checked against a model; an error is one line that names file and key."""
 
 import codecs
+import errno
 import operator
 import os
 import re
-import stat
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,6 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic.fields import FieldInfo
 
 from sonarhw.errors import InputError
+from sonarhw.files import open_input
 
 # suggestions for misspelt names: `; did you mean 'center'?`
 
@@ -150,16 +151,17 @@ def _problems(error: ValidationError, model: type[TomlModel]) -> list[str]:
 def read_text(path: Path, what: str) -> str:
     """Return the text of a file. Raises InputError if it is missing, unreadable, too large or not UTF-8."""
     try:
-        _check_kind(path)
-        with path.open("rb") as file:
+        with open_input(path, MOST_BYTES, pipes=True) as file:
             content = file.read(MOST_BYTES + 1)
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file; give the name of a {what} (*.toml)") from error
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name
+        if isinstance(error, OSError) and error.errno == errno.EFBIG:
+            raise _too_large(path, what) from error
         reason = error.strerror if isinstance(error, OSError) else str(error)
         raise InputError(f"{path}: cannot be read as a {what}: {reason}") from error
-    if len(content) > MOST_BYTES:
-        raise InputError(f"{path}: is larger than {MOST_BYTES / 2**20:g} MiB; expected a {what}, which is small")
+    if len(content) > MOST_BYTES:  # it has grown, or it is a pipe
+        raise _too_large(path, what)
     try:
         return content.decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as error:
@@ -173,13 +175,8 @@ def read_text(path: Path, what: str) -> str:
         ) from error
 
 
-def _check_kind(path: Path) -> None:
-    """Raise OSError for a device, which may be endless, and for a named pipe, which may wait for ever."""
-    kind = path.stat().st_mode
-    if stat.S_ISFIFO(kind) and not os.path.realpath(path).startswith("/proc/"):  # /dev/stdin and <(command) are there
-        raise OSError(0, "it is a named pipe, not a file")
-    if (stat.S_ISCHR(kind) or stat.S_ISBLK(kind)) and not os.path.samefile(path, os.devnull):
-        raise OSError(0, "it is a device, not a file")
+def _too_large(path: Path, what: str) -> InputError:
+    return InputError(f"{path}: is larger than {MOST_BYTES / 2**20:g} MiB; expected a {what}, which is small")
 
 
 def quoted(value: object) -> str:

@@ -9,7 +9,6 @@ import errno
 import json
 import math
 import os
-import shutil
 import threading
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
@@ -31,7 +30,7 @@ from mcap.writer import CompressionType, Writer
 from mcap_protobuf.schema import build_file_descriptor_set
 
 from sonarhw.errors import LogError, counted_are
-from sonarhw.files import DiskSpaceMonitor, atomic_file, unfinished_file
+from sonarhw.files import DiskSpaceMonitor, atomic_file, replace_regular, unfinished_file
 from sonarhw.log import reader
 from sonarhw.readings import Reading, Trace
 from sonarhw.wire import messages
@@ -157,9 +156,7 @@ class LogFile:
         self._file.close()
         try:
             target = self.path.resolve()
-            if target.exists():
-                shutil.copymode(target, unfinished)
-            unfinished.replace(target)
+            replace_regular(unfinished, target)
             self._file = FileIO(target, "ab")
         except OSError as error:
             self._hidden.close()

@@ -15,7 +15,7 @@ from PySide6.QtCore import QByteArray, QSettings
 from sonarhw_compare.scans import ReadingNote, note_on, notes_of_log, notes_path, placed_notes, read_notes, save_notes
 
 from sonarhw.errors import InputError, OutputError, SonarError
-from sonarhw.files import unfinished_file
+from sonarhw.files import open_input, replace_regular, unfinished_file
 from sonarhw.readings import Reading
 from sonarhw_gui.jobs.files import free_name
 from sonarhw_gui.model.look import DARK, LIGHT, LengthUnit, Look
@@ -26,6 +26,7 @@ from sonarhw_gui.session.scanner import ScanSettings
 # The state that the window restores at the next start, in a settings file of Qt (INI).
 
 
+_MOST_BYTES = 64_000_000  # of a file
 _PALETTES = {palette.name: palette for palette in (LIGHT, DARK)}
 T = TypeVar("T")
 
@@ -56,6 +57,10 @@ def read_memory(path: Path) -> Memory:
     """Return the stored state; the default if there is no file yet. Raises InputError if the file is damaged."""
     if not path.exists():
         return Memory()
+    try:
+        open_input(path, _MOST_BYTES).close()
+    except OSError as error:
+        raise _damaged(path, error.strerror or type(error).__name__) from error
     file = QSettings(str(path), QSettings.Format.IniFormat)
     names = file.allKeys()  # reads the whole file; only then its status reports damage
     if file.status() is not QSettings.Status.NoError:
@@ -84,6 +89,8 @@ def read_memory(path: Path) -> Memory:
 
 def write_memory(path: Path, memory: Memory) -> None:
     """Write the file completely, or leave the old one. Raises OutputError."""
+    if path.exists() and not path.is_file():  # Qt would replace a device
+        raise OutputError(f"{path}: is not a regular file, and is not replaced; the next start uses the defaults")
     file = QSettings(str(path), QSettings.Format.IniFormat)
     file.clear()
     for name, value in (("scene", memory.scene), ("scan", memory.scan_settings)):
@@ -215,7 +222,8 @@ def room_text(scene: Scene) -> str:
 def read_unsaved(path: Path) -> UnsavedRoom:
     """Read the file of an unsaved room. Raises InputError."""
     try:
-        return UnsavedRoom.model_validate_json(path.read_text(encoding="utf-8"))
+        with open_input(path, _MOST_BYTES) as file:
+            return UnsavedRoom.model_validate_json(file.read())
     except (OSError, UnicodeDecodeError, ValidationError) as error:
         raise InputError(
             f"{path}: unsaved room cannot be read ({type(error).__name__}); the file is left unchanged"
@@ -230,7 +238,7 @@ def write_unsaved(path: Path, text: str) -> None:
             file.write(text)
             file.flush()
             os.fsync(file.fileno())
-        fresh.replace(path)
+        replace_regular(fresh, path)
 
 
 # Rooms with unsaved changes: each is stored in a file of its own until it is saved or discarded.
@@ -370,7 +378,11 @@ class UnsavedRooms:
 
     def _is_ours(self, file: Path) -> bool:
         """Return whether the file is unchanged: another window may have continued it."""
-        return file.exists() and file.read_text(encoding="utf-8", errors="replace") == self._text
+        try:
+            with open_input(file, _MOST_BYTES) as stored:
+                return stored.read().decode(errors="replace") == self._text
+        except OSError:
+            return False
 
 
 # Keeps the notes on readings beside their log. If its folder cannot be written, in a folder of the window.

@@ -1,6 +1,8 @@
 """Rooms, boards, logs, tables and studies that are folders, pipes, devices or huge files are refused before reading."""
 
 import os
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,6 +11,7 @@ from sonarhw_cli.app import run
 from sonarhw_sim.files import MOST_BYTES
 
 from tests.fixtures.example_logs import write_example
+from tests.hang_guard import HANG
 
 SIMPLE = "rooms/simple.toml"
 
@@ -83,11 +86,35 @@ def test_a_log_must_be_a_regular_file(
     assert f"{given}: {expected}; give the name of a log" in refusal(arguments, given, capsys)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_table_must_be_a_regular_file(tmp_path: Path, capsys: pytest.CaptureFixture[str], kind: str) -> None:
-    given = tmp_path / "given.csv"
+@pytest.mark.parametrize("kind", ["pipe", "device"])
+@pytest.mark.parametrize("suffix", ["csv", "log", "bin", "bag", "wav", "npy", "mat"])
+def test_a_foreign_scan_must_be_a_regular_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], suffix: str, kind: str
+) -> None:
+    given = tmp_path / f"given.{suffix}"
     KINDS[kind](given)
-    arguments = ["import", "{}", "--heading", "deg", "--range", "m", "--out", "{out}"]
-    folder = "is a folder without metadata.yaml; give a file, or the folder of a bag of ROS 2"
-    expected = folder if kind == "folder" else "is not a file; give the name of a CSV file"
-    assert f"{given}: {expected}" in refusal(arguments, given, capsys)
+    options = {"csv": ["--heading", "deg", "--range", "m"], "npy": ["--rate", "1e5"], "mat": ["--rate", "1e5"]}
+    error = refusal(["import", "{}", *options.get(suffix, []), "--out", "{out}"], given, capsys)
+    expected = {"pipe": "it is a named pipe, not a file", "device": "it is a device, not a file"}[kind]
+    assert f"{given}: cannot be read: {expected}; expected a" in error
+
+
+def test_a_folder_without_a_bag_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    expected = "is a folder without metadata.yaml; give a file, or the folder of a bag of ROS 2"
+    given = tmp_path / "given"
+    given.mkdir()
+    assert f"{given}: {expected}" in refusal(["import", "{}", "--out", "{out}"], given, capsys)
+
+
+def test_a_bag_of_several_files_has_no_device(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    given = tmp_path / "given"
+    given.mkdir()
+    (given / "metadata.yaml").write_text("")
+    (given / "bag.db3").symlink_to("/dev/zero")
+    assert "it is a device, not a file" in refusal(["import", "{}", "--out", "{out}"], given, capsys)
+
+
+def test_a_room_may_come_from_a_pipe_of_the_shell() -> None:
+    shell = f"{sys.executable} -m sonarhw room check <(cat {SIMPLE})"
+    done = subprocess.run(["bash", "-c", shell], capture_output=True, text=True, timeout=HANG, check=False)
+    assert (done.returncode, done.stderr) == (0, ""), done.stderr

@@ -4,8 +4,11 @@ import math
 import operator
 import os
 import select
+import signal
 import subprocess
 import sys
+import time
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +16,7 @@ import pytest
 from sonarhw_compare import processes as pool
 from sonarhw_compare.fit import PlacedScan
 from sonarhw_compare.locate import PoseSpread
-from sonarhw_compare.processes import LateProcesses, Processes
+from sonarhw_compare.processes import LateProcesses, Processes, Unfinished, call_apart
 from sonarhw_compare.rooms import search
 from sonarhw_compare.rooms.draft import draft_of_room
 from sonarhw_compare.rooms.evidence import ROUGH, evidence_of
@@ -24,6 +27,7 @@ from sonarhw_sim.room.room import Place, Room, load_room
 
 from sonarhw.errors import Cancelled, WorkersLost
 from sonarhw.readings import Reading
+from tests.hang_guard import HANG
 
 BOARD = load_board("hc-sr04")
 
@@ -143,3 +147,19 @@ def test_a_cancelled_search_ends_its_processes(two_cores: list[Processes], monke
     with pytest.raises(Cancelled):
         find_room(scans, BOARD, room.air, tick=tick)
     assert [len(one) for one in two_cores] == [0]
+
+
+@pytest.mark.parametrize(
+    ("function", "argument", "within", "message"),
+    [
+        (os._exit, 1, HANG, "crashes its parser"),
+        (signal.raise_signal, signal.SIGSEGV, HANG, "crashes its parser"),
+        (bytes, 2**40, HANG, "needs more than 4 GiB"),
+        (time.sleep, HANG, 0.0, "takes more than 0 s"),
+    ],
+)
+def test_foreign_code_that_crashes_hangs_or_needs_all_memory_ends(
+    function: Callable[..., object], argument: int, within: float, message: str
+) -> None:
+    with pytest.raises(Unfinished, match=message):
+        call_apart(function, argument, within=within)

@@ -285,7 +285,7 @@ def test_what_is_not_a_text_file_is_refused_at_once(
         case "UTF-16":
             path.write_text("deg,cm\n0,1\n", encoding="utf-16")
     assert run(["import", str(path), "--out", str(tmp_path / "out.mcap"), *COLUMNS]) == 2
-    expected = "expected a CSV file in UTF-8" if kind == "UTF-16" else "is not a file; give the name of a CSV file"
+    expected = "expected a CSV file in UTF-8" if kind == "UTF-16" else "not a file; expected a CSV file"
     assert expected in capsys.readouterr().err
 
 

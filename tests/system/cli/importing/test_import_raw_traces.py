@@ -117,3 +117,21 @@ def test_an_array_of_another_shape_is_refused(
     command = ["import", str(tmp_path / "a.npy"), "--out", str(tmp_path / "out.mcap"), "--rate", "1e5"]
     assert run(command) == 2
     assert message in capsys.readouterr().err
+
+
+def test_a_parser_that_raises_anything_gives_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Files for which NumPy and SciPy raise AttributeError, TokenError, ZeroDivisionError and IndexError."""
+    np.savez(tmp_path / "archive.npz", np.zeros(3))
+    damaged = {
+        "archive.npy": (tmp_path / "archive.npz").read_bytes(),
+        "nested.npy": b"\x93NUMPY\x01\x00" + (9000).to_bytes(2, "little") + b"(" * 9000,
+        "chunk.wav": b"RIFF\x24\0\0\0WAVEfmt \x10\0\0\0\1\0\1\0\0\0\0\0\0\0\0\0\0\0\0\0data\0\0\0\0",
+        "short.mat": b"MATLAB 5.0 MAT-file".ljust(126) + b"\1",
+    }
+    for name, content in damaged.items():
+        (tmp_path / name).write_bytes(content)
+        rate = [] if name.endswith(".wav") else ["--rate", "1e5"]
+        assert run(["import", str(tmp_path / name), "--out", str(tmp_path / "out.mcap"), *rate]) == 2
+        error = capsys.readouterr().err
+        assert error.startswith(f"sonarhw: {tmp_path / name}: is ")
+        assert error.count("\n") == 1

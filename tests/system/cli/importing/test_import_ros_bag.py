@@ -156,6 +156,6 @@ def test_without_rosbags_the_extra_is_named(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bag = ros1_bag(tmp_path)
-    monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
+    monkeypatch.setitem(sys.modules, "rosbags", None)
     assert run(["import", str(bag), "--out", str(tmp_path / "out.mcap")]) == 1
     assert "ROS bags need rosbags, which is not installed: run pip install '.[ros]'" in capsys.readouterr().err

@@ -1,5 +1,6 @@
 """The window restores its last state; missing or damaged settings are replaced by defaults."""
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,7 +10,7 @@ from pytestqt.qtbot import QtBot
 from sonarhw_gui.model.edits import sensor_at, with_air_state, with_options
 from sonarhw_gui.model.look import DARK, LengthUnit, Look
 from sonarhw_gui.model.scene import Scene, SceneMemory
-from sonarhw_gui.session.kept import Memory, read_memory, write_memory
+from sonarhw_gui.session.kept import Memory, read_memory, read_unsaved, write_memory, write_unsaved
 from sonarhw_gui.session.scanner import ScannerTarget, ScanSettings
 from sonarhw_gui.window.window import MainWindow
 from sonarhw_sim.air import Unit
@@ -223,3 +224,22 @@ def test_unwritable_and_unreadable_settings_are_errors(tmp_path: Path) -> None:
         write_memory(tmp_path / "file" / "window.ini", Memory())
     with pytest.raises(InputError, match="defaults are used"):
         read_memory(tmp_path)
+
+
+def test_a_settings_file_that_is_not_regular_is_neither_read_nor_replaced(tmp_path: Path) -> None:
+    for kind in ("pipe", "device"):
+        file = tmp_path / kind
+        if kind == "pipe":
+            os.mkfifo(file)
+        else:
+            file.symlink_to("/dev/zero")
+        before = file.stat()
+        with pytest.raises(InputError, match=f"it is a {'named ' if kind == 'pipe' else ''}{kind}"):
+            read_memory(file)
+        with pytest.raises(OutputError, match="is not a regular file"):
+            write_memory(file, Memory())
+        with pytest.raises(InputError, match="cannot be read"):
+            read_unsaved(file)
+        with pytest.raises(OSError, match="is not a regular file"):
+            write_unsaved(file, "{}")
+        assert (file.stat().st_mode, file.stat().st_ino) == (before.st_mode, before.st_ino)
