@@ -30,27 +30,20 @@ from sonarhw_compare.fit.parameters import (
 )
 from sonarhw_compare.fit.quantities import HEADING, AirQuantity, BoardQuantity, PlaceQuantity, Quantity, X, Y
 from sonarhw_compare.fit.result import (
-    AtBound,
     Estimate,
-    FewExplained,
     FitOptions,
     FitResult,
     FitWarning,
-    KnownTogether,
-    ManyStrays,
     Mismatch,
     Mode,
     PlacedScan,
     Progress,
-    SeveralSolutions,
-    Unconstrained,
-    Underestimated,
     pose_text,
 )
 from sonarhw_compare.fit.search import Marginals, Peak, highest, marginals_of, peak_at, refined, underestimated
 from sonarhw_compare.fit.starting import ScoredValues, is_same, starting_poses
 from sonarhw_compare.headings import turned_near
-from sonarhw_compare.match import Summary, compare_readings, explains_few
+from sonarhw_compare.match import Summary, compare_readings, explains_few, few_explained_line
 from sonarhw_compare.regions import mean_run
 from sonarhw_compare.scans import BoardInput, GivenScan, PlaceInput, RoomInput, common_board
 
@@ -166,39 +159,48 @@ def warnings_of(result: FitResult, underestimated: Sequence[Parameter] = ()) -> 
     """Return a warning for each limit of a fit; `underestimated` are parameters whose deviations are too small."""
     warnings: list[FitWarning] = [*_several_solutions(result)]
     if underestimated:
-        warnings.append(Underestimated(tuple(underestimated)))
+        several = ", ".join(parameter.name for parameter in underestimated)
+        text = f"± cannot be trusted: {several} can change together by far more; fix one of them, or give a prior"
+        warnings.append(FitWarning("underestimated", text))
     for parameter in result.parameters:
         warnings += _undetermined(parameter, result.estimates[parameter.name])
     names = list(result.estimates)
     for i in range(len(names)):
         warnings += [
-            KnownTogether((names[i], names[j]), float(result.correlations[i, j]))
+            _known_together(names[i], names[j], float(result.correlations[i, j]))
             for j in range(i)
             if abs(result.correlations[i, j]) > _INSEPARABLE
         ]
-    warnings += result.mismatches
+    warnings += [FitWarning("mismatch", str(mismatch)) for mismatch in result.mismatches]
     if result.noise["stray_per_m"] > _MANY_STRAYS:
-        warnings.append(ManyStrays())
+        text = "many echoes match no path of the model; an object may be missing in the room file"
+        warnings.append(FitWarning("many strays", text))
     return tuple(warnings)
 
 
-def unexplained(scans: Sequence[PlacedScan], agreement: Sequence[Summary]) -> tuple[FewExplained, ...]:
+def _known_together(name: str, other: str, correlation: float) -> FitWarning:
+    text = f"{name} and {other} are only known together (correlation {correlation:+.2f})"
+    return FitWarning("known together", text)
+
+
+def unexplained(scans: Sequence[PlacedScan], agreement: Sequence[Summary]) -> tuple[FitWarning, ...]:
     """Return a warning for each scan that the result explains badly."""
     return tuple(
-        FewExplained(scan.title or "this scan", one.within_5cm, one.n_echo)
-        for scan, one in zip(scans, agreement, strict=True)
-        if one.within_5cm is not None and explains_few(one.within_5cm)
+        FitWarning("few explained", few_explained_line(scan.title or "this scan", share, summary.n_echo), share)
+        for scan, summary in zip(scans, agreement, strict=True)
+        if (share := summary.within_5cm) is not None and explains_few(share)
     )
 
 
-def _several_solutions(result: FitResult) -> list[SeveralSolutions]:
+def _several_solutions(result: FitResult) -> list[FitWarning]:
     shown = tuple(parameter for parameter in result.parameters if isinstance(parameter.quantity, PlaceQuantity))
     poses = [tuple(mode.values[one.name] for one in shown) for mode in result.modes]
     # solutions that differ only in digits that are not printed are one
-    different: dict[str, tuple[float, ...]] = {}
-    for pose in poses:
-        different.setdefault(pose_text(shown, pose, poses[0]), pose)
-    return [SeveralSolutions(shown, tuple(different.values()))] if len(different) > 1 else []
+    texts = list(dict.fromkeys(pose_text(shown, pose, poses[0]) for pose in poses))
+    if len(texts) < 2:
+        return []
+    equal = f"{len(texts)} solutions explain the scan about equally well, the room may be symmetric"
+    return [FitWarning("several solutions", f"{equal}: {'; '.join(texts)}")]
 
 
 def is_unconstrained(parameter: Parameter, estimate: Estimate) -> bool:
@@ -217,11 +219,13 @@ def _bounds(parameter: Parameter) -> tuple[float, float]:
 def _undetermined(parameter: Parameter, estimate: Estimate) -> list[FitWarning]:
     lower, upper = _bounds(parameter)
     if is_unconstrained(parameter, estimate):
-        return [Unconstrained(parameter)]
+        text = f"the scan hardly constrains {parameter.name}: ± is as wide as the prior"
+        return [FitWarning("unconstrained", text)]
     if not parameter.quantity.is_angle:
         for bound in (lower, upper):
             if abs(estimate.value - bound) < _AT_BOUND * (upper - lower):
-                return [AtBound(parameter, bound)]
+                text = f"{parameter.name} is at its bound, {bound:g} {parameter.quantity.unit}".rstrip()
+                return [FitWarning("at bound", text)]
     return []
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
-from typing import Any
+from typing import Any, Literal
 
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.predict.prediction import PredictionOptions
@@ -14,79 +14,32 @@ from sonarhw.readings import FloatArray, Reading
 from sonarhw_compare.fit.parameters import Parameter
 from sonarhw_compare.fit.quantities import ROOM_TOLERANCE, WALL, BoardQuantity, Quantity
 from sonarhw_compare.headings import deviation_text, estimate_degrees, estimate_text, with_unit
-from sonarhw_compare.match import Summary, few_explained_line
+from sonarhw_compare.match import Summary
 
 _CORRELATED = 0.5  # weaker correlations are not printed
 
-# The warnings of a fit as values. `str` of a warning is the line that the command prints.
+WarningKind = Literal[
+    "few explained",  # the fitted prediction explains few echoes of a scan
+    "several solutions",  # several solutions explain the data about equally well
+    "underestimated",  # the standard deviations are too small: parameters can change together by far more
+    "unconstrained",  # a parameter is about as uncertain as its prior
+    "at bound",  # the value of a parameter is at one of its bounds
+    "known together",  # two parameters are so strongly correlated that only a combination of both is known
+    "mismatch",  # a value that was not free is off
+    "many strays",  # many echoes match no path of the model
+]
 
 
 @dataclass(frozen=True)
-class FewExplained:
-    """The fitted prediction explains few echoes of a scan."""
+class FitWarning:
+    """A limit of a fit."""
 
-    scan: str
-    share: float  # of the echoes, within 5 cm of the prediction
-    echoes: int
-
-    def __str__(self) -> str:
-        return few_explained_line(self.scan, self.share, self.echoes)
-
-
-@dataclass(frozen=True)
-class SeveralSolutions:
-    """Several solutions explain the data about equally well."""
-
-    parameters: tuple[Parameter, ...]  # of a pose
-    poses: tuple[tuple[float, ...], ...]  # values of these parameters, the best first
+    kind: WarningKind
+    text: str  # the line that the command prints
+    share: float | None = None  # of the echoes that are within 5 cm of the prediction, if these are few
 
     def __str__(self) -> str:
-        found = f"{len(self.poses)} solutions explain the scan about equally well, the room may be symmetric"
-        texts = (pose_text(self.parameters, pose, self.poses[0]) for pose in self.poses)
-        return f"{found}: {'; '.join(texts)}"
-
-
-@dataclass(frozen=True)
-class Underestimated:
-    """The standard deviations are too small: these parameters can change together by far more."""
-
-    parameters: tuple[Parameter, ...]
-
-    def __str__(self) -> str:
-        several = ", ".join(parameter.name for parameter in self.parameters)
-        return f"± cannot be trusted: {several} can change together by far more; fix one of them, or give a prior"
-
-
-@dataclass(frozen=True)
-class Unconstrained:
-    """A parameter is about as uncertain as its prior."""
-
-    parameter: Parameter
-
-    def __str__(self) -> str:
-        return f"the scan hardly constrains {self.parameter.name}: ± is as wide as the prior"
-
-
-@dataclass(frozen=True)
-class AtBound:
-    """The value of a parameter is at one of its bounds."""
-
-    parameter: Parameter
-    bound: float  # in the unit of the parameter
-
-    def __str__(self) -> str:
-        return f"{self.parameter.name} is at its bound, {self.bound:g} {self.parameter.quantity.unit}".rstrip()
-
-
-@dataclass(frozen=True)
-class KnownTogether:
-    """Two parameters are so strongly correlated that only a combination of both is known."""
-
-    names: tuple[str, str]
-    correlation: float  # -1..1
-
-    def __str__(self) -> str:
-        return f"{' and '.join(self.names)} are only known together (correlation {self.correlation:+.2f})"
+        return self.text
 
 
 @dataclass(frozen=True)
@@ -102,19 +55,6 @@ class Mismatch:
         also = f", or {' or '.join(self.alternatives)} instead" if self.alternatives else ""
         source = _source(self.parameter.quantity)
         return f"{_evidence(self)}{also}; correct the {source}, or free {self.parameter.name}"
-
-
-@dataclass(frozen=True)
-class ManyStrays:
-    """Many echoes match no path of the model, as `FitResult.noise` says."""
-
-    def __str__(self) -> str:
-        return "many echoes match no path of the model; an object may be missing in the room file"
-
-
-FitWarning = (
-    FewExplained | SeveralSolutions | Underestimated | Unconstrained | AtBound | KnownTogether | Mismatch | ManyStrays
-)
 
 
 def pose_text(parameters: Sequence[Parameter], pose: Sequence[float], best: Sequence[float]) -> str:

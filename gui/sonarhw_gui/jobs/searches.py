@@ -271,16 +271,12 @@ def warnings(found: FitFound) -> list[str]:
 
 def _warning_text(warning: "FitWarning", settings: FitSettings) -> str:
     """Return a warning in the words of the window: its list has the solutions, and no command is named."""
-    from sonarhw_compare.fit import FewExplained, SeveralSolutions
-
-    match warning:
-        case SeveralSolutions():
-            return "several poses explain the scan about equally well, the room may be symmetric; try each above"
-        case FewExplained(share=share):
-            elsewhere = "" if settings.everywhere else ", or search in the whole room"
-            return f"only {_percent(share)} of the echoes are within 5 cm; check the room and the board{elsewhere}"
-        case _:
-            return str(warning)
+    if warning.kind == "several solutions":
+        return "several poses explain the scan about equally well, the room may be symmetric; try each above"
+    if warning.kind == "few explained" and warning.share is not None:
+        elsewhere = "" if settings.everywhere else ", or search in the whole room"
+        return f"only {_percent(warning.share)} of the echoes are within 5 cm; check the room and the board{elsewhere}"
+    return warning.text
 
 
 def _name(one: "Parameter") -> str:

@@ -6,15 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from sonarhw_compare.fit import (
-    FewExplained,
     FitOptions,
     FitResult,
-    KnownTogether,
     Parameter,
     PlacedScan,
-    SeveralSolutions,
-    Unconstrained,
-    Underestimated,
     fit_scans,
     free_parameters,
 )
@@ -88,7 +83,7 @@ def test_a_heading_around_zero_has_its_interval_around_it() -> None:
 def test_a_room_that_explains_few_echoes_gives_a_warning(readings: list[Reading]) -> None:
     square = polygon_room([(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)])
     result = fitted(readings, "position", "heading", room=square, options=VALUES_ONLY)
-    assert isinstance(result.warnings[0], FewExplained)
+    assert result.warnings[0].kind == "few explained"
 
 
 def test_noise_of_readings_is_fitted(pose: FitResult) -> None:
@@ -123,7 +118,7 @@ def test_in_a_symmetric_room_both_solutions_are_reported() -> None:
     free = free_parameters(("position", "heading"), [""], room, board)
     result = fit_scans([scan], room, board, free, options=VALUES_ONLY)
     assert len(result.modes) == 2
-    assert isinstance(result.warnings[0], SeveralSolutions)
+    assert result.warnings[0].kind == "several solutions"
     mirrored = {(round(mode.values["x"], 2), round(mode.values["y"], 2)) for mode in result.modes}
     # rotated by 180° about the middle of 0.928 by 0.742 m
     assert mirrored == {(0.6, 0.35), (0.33, 0.39)}
@@ -135,7 +130,8 @@ def test_an_unconstrained_parameter_gives_a_warning() -> None:
     scan = synthetic_scan(ARENA, TRUTH, short_range, 6, readings=40)
     free = free_parameters(("wall:north-west",), [""], ARENA, short_range)
     result = fit_scans([PlacedScan(scan, TRUTH)], ARENA, short_range, free, options=QUICKLY)
-    assert Unconstrained(free[0]) in result.warnings
+    (warning,) = (warning for warning in result.warnings if warning.kind == "unconstrained")
+    assert "wall:north-west" in str(warning)
 
 
 def near_the_truth(*free: str) -> list[Parameter]:
@@ -171,7 +167,7 @@ def test_strongly_correlated_parameters_give_a_warning(readings: list[Reading]) 
     # a transducer ahead of the axis and ranges that are too short differ only at oblique incidence
     free = free_parameters(("ahead", "offset"), [""], ARENA, BOARD)
     result = fit_scans([PlacedScan(readings, TRUTH)], ARENA, BOARD, free, options=QUICKLY)
-    assert any(isinstance(warning, KnownTogether) for warning in result.warnings)
+    assert any(warning.kind == "known together" for warning in result.warnings)
     assert result.estimates["offset"].deviation > 0.001
     for name in ("ahead", "offset"):
         assert abs(result.estimates[name].value) < 4 * result.estimates[name].deviation
@@ -187,7 +183,7 @@ def test_deviations_along_a_long_ridge_follow_from_its_bounds() -> None:
     assert not alone.warnings
     freed = free_parameters(("position", "walls"), [""], room, SENSITIVE)
     drawn = fit_scans([scan], room, SENSITIVE, freed, options=options)
-    assert not any(isinstance(warning, Underestimated) for warning in drawn.warnings)
+    assert not any(warning.kind == "underestimated" for warning in drawn.warnings)
     # walls have bounds at ± 10 cm, and are uniform between them
     for estimate in drawn.estimates.values():
         assert estimate.deviation == pytest.approx(0.1 / math.sqrt(3), rel=0.15)
@@ -225,8 +221,8 @@ def test_readings_with_equal_rounding_do_not_exclude_a_similar_solution() -> Non
     x, y = result.places[0].position
     assert math.dist((x, y), ARENA.place("p1").position) < 0.01
     assert [(round(mode.values["x"], 2), round(mode.values["y"], 2)) for mode in result.modes[1:]] == [(1.38, 1.8)]
-    assert isinstance(result.warnings[0], SeveralSolutions)
-    assert len(result.warnings[0].poses) == 2
+    assert result.warnings[0].kind == "several solutions"
+    assert str(result.warnings[0]).startswith("2 solutions")
 
 
 def test_a_wrong_thermometer_does_not_change_the_offset() -> None:

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from sonarhw_compare.fit import AtBound, PlacedScan, free_parameters
+from sonarhw_compare.fit import Estimate, PlacedScan, free_parameters
 from sonarhw_compare.fit.fitting import unexplained, warnings_of
 from sonarhw_compare.match import Summary
 from sonarhw_gui.jobs.searches import FitFound, FitSettings, FitSolution, warnings
@@ -20,8 +20,9 @@ def found(everywhere: bool) -> FitFound:
     several = warnings_of(fit)
     few = unexplained([PlacedScan((), PLACE, "this scan")], [SUMMARY])
     assert len(several) == len(few) == 1
-    (offset,) = free_parameters(("offset",), ("scan",), ROOM, PAPER)
-    result = replace(fit, warnings=(*few, *several, AtBound(offset, 0.06)))
+    offset = free_parameters(("offset",), ("scan",), ROOM, PAPER)
+    at_bound = warnings_of(replace(fit, parameters=offset, estimates={"offset": Estimate(0.06, 0.001, 0.0, 0.0)}))
+    result = replace(fit, warnings=(*few, *several, *at_bound))
     solutions = (FitSolution({}, 0.3), FitSolution({}, 0.3))
     return FitFound(scene_with(PAPER, ROOM, PLACE), 0, FitSettings(everywhere=everywhere), result, 0.3, solutions)
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from sonarhw_compare.explain import explain_reading, summary_lines
-from sonarhw_compare.fit import Estimate, FitResult, Mode, SeveralSolutions, free_parameters
+from sonarhw_compare.fit import Estimate, FitResult, Mode, free_parameters
 from sonarhw_compare.fit.fitting import warnings_of
 from sonarhw_compare.headings import deviation_text, estimate_degrees, estimate_text, heading_text, in_degrees
 from sonarhw_compare.report import report_html, report_of
@@ -71,8 +71,7 @@ def test_solutions_that_print_alike_are_one() -> None:
     (several,) = warnings_of(heading_fit(0.0, 180.0))
     assert str(several).startswith("2 solutions")
     assert str(several).endswith("heading 0.0°; heading 180.0°")
-    assert isinstance(several, SeveralSolutions)
-    assert several.poses == ((0.0,), (math.pi,))
+    assert several.kind == "several solutions"
 
 
 def heading_fit(*degrees: float) -> FitResult:
