@@ -13,7 +13,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from sonarhw_compare.calibration.plate import PlateCalibration, calibrate_with_plates
+from sonarhw_compare.calibration.outcome import Calibration
+from sonarhw_compare.calibration.plate import calibrate_with_plates
 from sonarhw_compare.calibration.plate_readings import PlateReadings, plate_readings
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.predict.room_echoes import RoomEchoes
@@ -51,7 +52,7 @@ class CalibratedBoard:
     """The constants of a board, and what its calibration found."""
 
     constants: dict[str, float]  # by key of the profile
-    found: PlateCalibration
+    found: Calibration
 
     def errors(self) -> dict[str, tuple[float, float, bool]]:
         """Return error, half of the interval, and whether this contains the constant, for each value that was found.

@@ -29,6 +29,7 @@ Compare
 - `map_room`, `map_scans`, `RoomMap`: an unknown room from several scans.
 - `compare_scans`: two scans by heading, without a room. `find_missing`: changes of the room that explain misfits.
 - `load_study`, `run_study`, `read_study`: many predictions; needs the extra `study`.
+- `calibrate`: a board profile from scans of a plate or of a known room.
 - `write_report`: one HTML file about a scan.
 - `draw_plan`, `draw_comparison`, `draw_located`, `draw_map`: pictures of the results, as Matplotlib figures.
 

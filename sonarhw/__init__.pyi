@@ -15,6 +15,7 @@ from sonarhw_compare import (
 )
 from sonarhw_compare.drawings import draw_comparison
 from sonarhw_compare.one_call import (
+    calibrate,
     compare,
     compare_scans,
     find_missing,
@@ -82,6 +83,7 @@ __all__ = [
     "SonarError",
     "Trace",
     "board_names",
+    "calibrate",
     "compare",
     "compare_scans",
     "draw_comparison",

@@ -5,13 +5,12 @@ import shutil
 import subprocess
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from importlib.resources import as_file, files
-from typing import TypeVar
+from typing import Literal, TypeVar, get_args
 
 import numpy as np
 
-from sonarhw.controllers import Combination, Controller, Ranging, Turning
+from sonarhw.controllers import POLAROID, STEP_DIR, Combination, Controller, Ranging, Turning
 from sonarhw.errors import CommandRefused, DeviceError, InputError, LinkLost, SonarError
 from sonarhw.host.scanner import DeviceCapabilities, DeviceInfo, Scanner
 from sonarhw.link import LinkStatistics, serial_ports
@@ -35,12 +34,7 @@ HEADING_ERROR = math.radians(20)
 STEPS_ADVICE = "check the microstep jumpers and the current of the driver, the belt, and what blocks the table"
 
 
-class Verdict(StrEnum):
-    """The result of a check."""
-
-    PASS = "pass"
-    FAIL = "FAIL"
-    SKIPPED = "skip"  # not checked
+Verdict = Literal["pass", "FAIL", "skip"]  # skip: not checked
 
 
 @dataclass(frozen=True)
@@ -55,17 +49,17 @@ class Diagnosis:
 
 def passed(check: str, text: str) -> Diagnosis:
     """Return the diagnosis that all is well."""
-    return Diagnosis(check, Verdict.PASS, text)
+    return Diagnosis(check, "pass", text)
 
 
 def failed(check: str, text: str, advice: str) -> Diagnosis:
     """Return the diagnosis that something is wrong."""
-    return Diagnosis(check, Verdict.FAIL, text, advice)
+    return Diagnosis(check, "FAIL", text, advice)
 
 
 def skipped(check: str, text: str, advice: str = "") -> Diagnosis:
     """Return the diagnosis that something was not checked."""
-    return Diagnosis(check, Verdict.SKIPPED, text, advice)
+    return Diagnosis(check, "skip", text, advice)
 
 
 def line(counted: LinkStatistics, rejected: int, baud: int | None) -> Diagnosis:
@@ -236,7 +230,7 @@ def same_echoes(readings: Sequence[Reading], moves: Diagnosis) -> Diagnosis:
 
     `moves` is the diagnosis of `echo_moves`. Steps that both sweeps lose alike are not found.
     """
-    if moves.verdict is not Verdict.PASS:
+    if moves.verdict != "pass":
         return skipped("steps", "the echoes do not show whether steps are lost")
     times: dict[int, list[float]] = {}
     for reading in readings:
@@ -376,7 +370,7 @@ def _turntable(scanner: Scanner, plate: Plate | None) -> Iterator[Diagnosis]:
     one_switch = Feature.ONE_SWITCH in features
     zero = _zero(scanner, marked, one_switch)
     yield zero
-    if zero.verdict is Verdict.FAIL:
+    if zero.verdict == "FAIL":
         yield from (skipped(check, "the zero is unknown") for check in ("steps", "echo moves", "direction", "plate"))
         return
     detects_loss = Feature.LOST_STEPS in features
@@ -386,7 +380,7 @@ def _turntable(scanner: Scanner, plate: Plate | None) -> Iterator[Diagnosis]:
         yield steps
     around = _scanned(scanner, replace(_around(scanner.info.capabilities), sweeps=1 if detects_loss else 2))
     if isinstance(around, Diagnosis):
-        if not detects_loss or steps.verdict is not Verdict.FAIL:
+        if not detects_loss or steps.verdict != "FAIL":
             yield around
         yield from (skipped(check, "steps are lost") for check in ("echo moves", "direction", "plate"))
         return
@@ -471,7 +465,7 @@ def _scanned(scanner: Scanner, order: ScanOrder) -> list[Reading] | Diagnosis:
 
 
 PATIENCE = 5.0  # s for the greeting of a board before it is flashed
-_Part = TypeVar("_Part", Ranging, Turning)
+_Part = TypeVar("_Part", bound=str)
 _LINES = 3  # of avrdude's output that an error contains
 
 
@@ -486,24 +480,24 @@ class _Target:
     baud: int
 
 
-_TARGETS = {
-    Controller.MEGA: _Target("Arduino Mega 2560", "sonarhw-mega", "atmega2560", "wiring", 115_200),
-    Controller.UNO: _Target("Arduino Uno", "sonarhw-uno", "atmega328p", "arduino", 115_200),
-    Controller.NANO: _Target(None, "sonarhw-uno", "atmega328p", "arduino", 57_600),  # its older bootloader
+_TARGETS: dict[Controller, _Target] = {
+    "mega": _Target("Arduino Mega 2560", "sonarhw-mega", "atmega2560", "wiring", 115_200),
+    "uno": _Target("Arduino Uno", "sonarhw-uno", "atmega328p", "arduino", 115_200),
+    "nano": _Target(None, "sonarhw-uno", "atmega328p", "arduino", 57_600),  # its older bootloader
 }
-_PROFILES = {Ranging.POLAROID: "polaroid-6500", Ranging.HC_SR04: "hc-sr04"}
+_PROFILES: dict[Ranging, str] = {POLAROID: "polaroid-6500", "hc-sr04": "hc-sr04"}
 
 
 def ranging_of(profile: str) -> Ranging:
     """Return the ranging board with a profile; a 6500 if it is empty. Raises InputError if there is no firmware."""
     ranging = {name: ranging for ranging, name in _PROFILES.items()}
-    return _part("`sonarhw flash PORT --ranging NAME`", profile, {"": Ranging.POLAROID, **ranging})
+    return _part("`sonarhw flash PORT --ranging NAME`", profile, {"": POLAROID, **ranging})
 
 
 def turning_of(turntable: str) -> Turning:
     """Return what turns a board; step/direction if it is empty. Raises InputError if there is no firmware for it."""
-    turning = {str(turning): turning for turning in Turning}
-    return _part("`sonarhw flash PORT --turning NAME`", turntable, {"": Turning.STEP_DIR, **turning})
+    turning: dict[str, Turning] = {name: name for name in get_args(Turning)}
+    return _part("`sonarhw flash PORT --turning NAME`", turntable, {"": STEP_DIR, **turning})
 
 
 def _part(command: str, said: str, parts: dict[str, _Part]) -> _Part:

@@ -1,33 +1,17 @@
 """The combinations of controller, ranging board and turntable for which there is a prebuilt image."""
 
 from dataclasses import dataclass
-from enum import StrEnum
+from typing import Literal
 
 from sonarhw.errors import InputError
 
-
-class Controller(StrEnum):
-    """A controller board. An Uno and a Nano run the same image, but have different bootloaders."""
-
-    UNO = "uno"
-    NANO = "nano"
-    MEGA = "mega"
-
-
-class Ranging(StrEnum):
-    """A ranging board."""
-
-    POLAROID = "polaroid"
-    HC_SR04 = "hc-sr04"
-
-
-class Turning(StrEnum):
-    """What turns the transducer."""
-
-    STEP_DIR = "step-dir"  # a stepper driver and two home switches
-    BYJ_28 = "28byj"  # four pins, no home switches
-    SERVO = "servo"
-
+# an Uno and a Nano run the same image, but have different bootloaders
+Controller = Literal["uno", "nano", "mega"]
+Ranging = Literal["polaroid", "hc-sr04"]
+# a stepper driver and two home switches; four pins and no home switches; a servo
+Turning = Literal["step-dir", "28byj", "servo"]
+POLAROID: Ranging = "polaroid"
+STEP_DIR: Turning = "step-dir"
 
 IMAGES = (
     "mega-polaroid-step-dir",
@@ -44,8 +28,8 @@ class Combination:
     """What a scanner is built of. Raises InputError if there is no image for it."""
 
     controller: Controller
-    ranging: Ranging = Ranging.POLAROID
-    turning: Turning = Turning.STEP_DIR
+    ranging: Ranging = POLAROID
+    turning: Turning = STEP_DIR
 
     def __post_init__(self) -> None:
         if self.image not in IMAGES:
@@ -54,5 +38,5 @@ class Combination:
     @property
     def image(self) -> str:
         """Name of the image, `images/NAME.hex`."""
-        chip = Controller.UNO if self.controller is Controller.NANO else self.controller
+        chip = "uno" if self.controller == "nano" else self.controller
         return f"{chip}-{self.ranging}-{self.turning}"

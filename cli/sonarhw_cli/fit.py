@@ -3,7 +3,7 @@
 import math
 import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -248,9 +248,10 @@ def locate(
         return
     (x, y), heading = located.poses[0].position, located.poses[0].heading
     place = f"{x:.4f},{y:.4f},{math.degrees(heading):.3f}"
-    given = {"--room": room_name, "--board": board, "--place": place}
-    written = " ".join(f"{option} {shlex.quote(str(value))}" for option, value in given.items() if value is not None)
-    for command in ("compare", "gui"):
+    named = {"--room": room_name, "--board": board, "--place": place}
+    for command, of_command in (("compare", {"--receiver": receiver}), ("gui", {})):  # the window has no --receiver
+        given = {option: str(value) for option, value in {**named, **of_command}.items() if value is not None}
+        written = " ".join(f"{option} {shlex.quote(value)}" for option, value in given.items())
         options.print_note(f"next: sonarhw {command} {shlex.quote(str(log_file))} {written}")
 
 
@@ -378,39 +379,33 @@ def map_logs(
     options.print_result(as_json, mapped.figures, mapped.lines)
 
 
-@dataclass(frozen=True)
-class _Outputs:
-    """The names of the files to write; None for one that is not wanted."""
-
-    room: Path | None = None
-    report: Path | None = None
-    picture: Path | None = None
-
-
-def _outputs(out: Sequence[Path], force: bool, *inputs: str | Path | None) -> _Outputs:
-    kinds, files = {".toml": "room", ".html": "report"}, _Outputs()
+def _outputs(out: Sequence[Path], force: bool, *inputs: str | Path | None) -> dict[str, Path]:
+    """Return the files to write: a room, a report and a picture at most."""
+    kinds, files = {".toml": "room", ".html": "report"}, dict[str, Path]()
     for path in out:
         kind = kinds.get(checked_out(path, [*PICTURES, *kinds], force, *inputs), "picture")
-        if (other := getattr(files, kind)) is not None:
-            raise InputError(f"--out {other}, --out {path}: give one room file, one report and one picture at most")
-        files = replace(files, **{kind: path})
+        if kind in files:
+            raise InputError(
+                f"--out {files[kind]}, --out {path}: give one room file, one report and one picture at most"
+            )
+        files[kind] = path
     return files
 
 
-def _option_that_finds(files: _Outputs, plan_next: bool) -> str:
+def _option_that_finds(files: dict[str, Path], plan_next: bool) -> str:
     """Return the option that needs a found room, such as `--out FILE`; empty if none does."""
-    if file := files.room or files.report:
+    if file := files.get("room") or files.get("report"):
         return f"--out {file}"
     return "--next" if plan_next else ""
 
 
-def _write(files: _Outputs, mapped: "MappedScans", force: bool) -> None:
+def _write(files: dict[str, Path], mapped: "MappedScans", force: bool) -> None:
     """Write room file, report and picture."""
-    if mapped.found and files.room:
-        write_text(files.room, mapped.found.room.text, force)
-    if mapped.found and files.report:
+    if mapped.found and "room" in files:
+        write_text(files["room"], mapped.found.room.text, force)
+    if mapped.found and "report" in files:
         from sonarhw_compare.report import map_report_html
 
-        write_text(files.report, map_report_html(mapped), force)
-    if files.picture:
-        write_figure(files.picture, mapped.draw(), force)
+        write_text(files["report"], map_report_html(mapped), force)
+    if "picture" in files:
+        write_figure(files["picture"], mapped.draw(), force)

@@ -53,10 +53,9 @@ def connect(url: str, reconnect: float = RECONNECT) -> "Iterator[Scanner]":
 @contextmanager
 def connect_turntable(url: str) -> "Iterator[Scanner]":
     """Yield the connected scanner at `url`, whose turntable obeys commands. Raises what `connect` raises."""
-    from sonarhw.plugins.device_plugin import is_plugin
+    from sonarhw_compare.one_call import check_turns
 
-    if is_plugin(url):
-        raise InputError(f"{url}: this device obeys no commands to turn; `sonarhw scan` records its readings")
+    check_turns(url)
     with connect(url) as scanner:
         yield scanner
 
@@ -131,15 +130,15 @@ def check_one_of_each(places: Sequence[str], poses: Sequence[str], logs: int) ->
 
 def place_of_pose(text: str) -> "Place":
     """Return the place of `X,Y,DEG`, metres and the heading of turntable step 0. Raises InputError for another form."""
-    from sonarhw_sim.room.room import Place
+    from sonarhw_sim.room.room import Place, read_pose
 
     try:
-        x, y, degrees = map(float, text.split(","))
+        x, y, heading = read_pose(text)
     except ValueError as error:
         raise InputError(f"--pose {text}: expected X,Y,DEG: metres, metres, degrees") from error
-    if not all(map(math.isfinite, (x, y, degrees))):
+    if not all(map(math.isfinite, (x, y, heading))):
         raise InputError(f"--pose {text}: expected three finite numbers")
-    return Place(text, (x, y), math.radians(degrees))
+    return Place(text, (x, y), heading)
 
 
 # Reading of logs, with a warning if a log is torn or damaged, or if its angles may be wrong.

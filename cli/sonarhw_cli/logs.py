@@ -5,11 +5,10 @@ import time
 import warnings
 from dataclasses import replace
 from datetime import UTC, datetime
-from enum import StrEnum
 from itertools import compress
 from pathlib import Path
 from statistics import median
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from sonarhw_compare.import_formats import ImportFormat, formats_text, import_format, is_bag, is_raw
@@ -32,13 +31,6 @@ if TYPE_CHECKING:
 _FAR = 20.0  # m; beyond the range of any such board
 
 
-class TurnDirection(StrEnum):
-    """The direction in which the turntable angles of a file increase."""
-
-    CCW = "ccw"
-    CW = "cw"
-
-
 ForeignFile = Annotated[Path, typer.Argument(help=f"CSV file with a header line; or {formats_text()}.", metavar="FILE")]
 HeadingColumn = Annotated[
     str | None, typer.Option("--heading", help="CSV: column of the turntable angle, degrees.", metavar="COL")
@@ -48,7 +40,7 @@ RangeColumn = Annotated[
     typer.Option("--range", help="CSV: column of the range; an empty field means no echo.", metavar="COL"),
 ]
 RangeScale = Annotated[float, typer.Option(help="CSV: metres per unit of the range column.")]
-Turn = Annotated[TurnDirection, typer.Option(help="Direction in which these angles increase.")]
+Turn = Annotated[Literal["ccw", "cw"], typer.Option(help="Direction in which these angles increase.")]
 HeadingZero = Annotated[
     float, typer.Option("--heading-zero", help="Turntable angle for the angle 0 in the file, degrees.")
 ]
@@ -117,7 +109,7 @@ def import_scan(
     heading: HeadingColumn = None,
     distance: RangeColumn = None,
     scale: RangeScale = 1.0,
-    turn: Turn = TurnDirection.CCW,
+    turn: Turn = "ccw",
     heading_zero: HeadingZero = 0.0,
     no_echo: NoEcho = None,
     mean_of: MeanOf = None,
@@ -151,7 +143,7 @@ def import_scan(
     _check_values(file, known, threshold, blanking, speed_of_sound, rate, step)
     meaning = Meaning(
         scale=scale,
-        sign=-1.0 if turn is TurnDirection.CW else 1.0,
+        sign=-1.0 if turn == "cw" else 1.0,
         zero=heading_zero,
         no_echo=no_echo,
         speed_of_sound=speed_of_sound,

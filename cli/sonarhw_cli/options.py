@@ -168,6 +168,14 @@ def print_error(message: str) -> None:
 _OPTIONS = (
     (r"^(free|prior|fit|pings) (?=\S+: )", r"--\1 "),
     (r"^places: expected", "--place: expected"),
+    (r"^(distance|direction) (?=\S+: expected)", r"--\1 "),
+    (r"^distances: expected (.*)$", r"--distance: expected \1; repeat the option"),
+    (r"^directions: expected", "--direction: expected"),
+    (r"^(board|room) (?=.*: (has a ring of sensors; a plate|expected logs))", r"--\1 "),
+    (
+        r"; calibrate its reflectances, too$",
+        "; add --room-out FILE.toml to calibrate it too, and to write the room with it",
+    ),
     (r"; free it too, or", "; add it to --free, or"),
     (r"; give a room$", "; give one with --room"),
     (r"; give a place, or free the position$", "; give --place, or add position to --free"),
@@ -452,10 +460,19 @@ class Rule(NamedTuple):
 
 _TWO_SCANS = "--with --with-sweep"
 _NOT_OF_TWO = ": not used with --with, which compares two scans without a prediction"
+_PLATE_OR_ROOM = " and --room: expected one of them; a plate has a distance, a room has places"
 _ALONE = "give only one of them"
 _ALL_POSES = " {value}: contains the poses of all logs; leave out --place and --pose"
 _OF_ROOM = " needs --room: it is a place of a room file"
 RULES = (
+    Rule(
+        "calibrate",
+        "",
+        "expected --distance of a plate, or --room with logs of scans of a known room",
+        "--distance --room",
+    ),
+    Rule("calibrate", "--place --pose --room-out --plot", ": needs --room", "--room"),
+    Rule("calibrate", "--distance --direction", _PLATE_OR_ROOM, excludes="--room"),
     Rule("compare", "--room --place --board --receiver --model --fit --explain", _NOT_OF_TWO, excludes=_TWO_SCANS),
     Rule("compare", "--pings --room-tolerance --find-missing --out", _NOT_OF_TWO, excludes=_TWO_SCANS),
     Rule("compare", "--with-sweep", ": without --with, give the other sweep of the log with --sweep", "--with --sweep"),
@@ -535,9 +552,13 @@ class CommandList(typer.Typer):
         return super().command(name, cls=_PlainCommand, **settings)
 
 
+def _first_sentence(command: Any, limit: int = _WHOLE_SENTENCE) -> str:
+    """Return the first sentence of the help of a command or group."""
+    return str(super(type(command), command).get_short_help_str(max(limit, _WHOLE_SENTENCE)))
+
+
 class _PlainGroup(TyperGroup):
-    def get_short_help_str(self, limit: int = _WHOLE_SENTENCE) -> str:
-        return super().get_short_help_str(max(limit, _WHOLE_SENTENCE))
+    get_short_help_str = _first_sentence
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         shown = {name: command for name in self.list_commands(ctx) if not (command := self.commands[name]).hidden}
@@ -552,8 +573,7 @@ class _PlainGroup(TyperGroup):
 
 
 class _PlainCommand(TyperCommand):
-    def get_short_help_str(self, limit: int = _WHOLE_SENTENCE) -> str:
-        return super().get_short_help_str(max(limit, _WHOLE_SENTENCE))
+    get_short_help_str = _first_sentence
 
     def invoke(self, ctx: Any) -> Any:
         check_rules(ctx, [rule for rule in RULES if rule.command == self.name])

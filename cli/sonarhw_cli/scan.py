@@ -3,7 +3,7 @@
 import math
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -501,7 +501,7 @@ def serve(
             plan = scan_plan(scanner, request, profile, where[0].air if where else None)
             # a replay and a device that turns by itself have another number of readings than the order
             known = order if scanner.info.capabilities else None
-            publisher = _Publisher(server, known, _Prediction(*where, profile) if where else None)
+            publisher = _Publisher(server, known, where, profile)
             metadata = replace(log_metadata(room, where), board=profile.name, board_text=profile.text)
             try:
                 _scan(scanner, plan, publisher, metadata, out, force)
@@ -534,28 +534,12 @@ def _scan(
         record_scan(scanner, plan, log, publisher)
 
 
-class _Prediction:
-    """Predicts the ranges of readings. The paths to the place are followed once."""
-
-    def __init__(self, room: "Room", place: "Place", board: "Board") -> None:
-        self._room, self._place, self._board = room, place, board
-        self._paths: Paths | None = None
-
-    def ranges(self, readings: "Sequence[Reading]") -> list[float | None]:
-        """Return the predicted range at the heading of each reading, m; None: no echo."""
-        from sonarhw_compare.match import headings_of
-        from sonarhw_sim.predict.prediction import predict_scan
-
-        headings = headings_of(readings, self._place, self._board)
-        prediction = predict_scan(self._room, self._place, self._board, headings, paths=self._paths)
-        self._paths = prediction.paths
-        return [None if math.isnan(distance) else distance for distance in prediction.ranges.tolist()]
-
-
 class _Publisher:
-    """Receives the progress of a scan and publishes it. Counts the readings."""
+    """Receives the progress of a scan and publishes it, with predicted ranges in a room. Counts the readings."""
 
-    def __init__(self, server: "FoxgloveServer", order: "ScanOrder | None", prediction: _Prediction | None) -> None:
+    def __init__(
+        self, server: "FoxgloveServer", order: "ScanOrder | None", where: "tuple[Room, Place] | None", board: "Board"
+    ) -> None:
         """`order` is None if the scan may have another number of readings."""
         from sonarhw.log.writer import OpenSweeps
 
@@ -563,7 +547,8 @@ class _Publisher:
         self.interrupted: Interruption
         self._server = server
         self._of_each = None if order is None else order.headings * order.pings
-        self._prediction = prediction
+        self._where, self._board = where, board
+        self._paths: Paths | None = None  # to the place, followed once
         self._sweeps = OpenSweeps()
 
     @property
@@ -588,4 +573,17 @@ class _Publisher:
             self._publish(sweep)
 
     def _publish(self, sweep: "list[Reading]") -> None:
-        self._server.sweep(sweep, None if self._prediction is None else self._prediction.ranges(sweep))
+        self._server.sweep(sweep, self._predicted(sweep))
+
+    def _predicted(self, sweep: "list[Reading]") -> list[float | None] | None:
+        """Return the predicted range at the heading of each reading, m; None for no echo. None without a room."""
+        if self._where is None:
+            return None
+        from sonarhw_compare.match import headings_of
+        from sonarhw_sim.predict.prediction import predict_scan
+
+        room, place = self._where
+        headings = headings_of(sweep, place, self._board)
+        prediction = predict_scan(room, place, self._board, headings, paths=self._paths)
+        self._paths = prediction.paths
+        return [None if math.isnan(distance) else distance for distance in prediction.ranges.tolist()]

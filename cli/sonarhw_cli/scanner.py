@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 from sonarhw_sim.air import DEFAULT_BOARD
 
-from sonarhw.controllers import Combination, Controller, Ranging, Turning
+from sonarhw.controllers import POLAROID, STEP_DIR, Combination, Controller, Ranging, Turning
 from sonarhw.errors import CommandRefused, ExitStatus, InputError, SonarError, counted
 from sonarhw_cli import inputs, options
 from sonarhw_cli.interruption import sigterm_exits
@@ -602,10 +602,10 @@ ControllerChoice = Annotated[
     Controller | None, typer.Option(help="Controller of the board; default: the one that is recognised.")
 ]
 RangingChoice = Annotated[
-    Ranging | None, typer.Option(help=f"Ranging board; default: as the board answers, else {Ranging.POLAROID}.")
+    Ranging | None, typer.Option(help=f"Ranging board; default: as the board answers, else {POLAROID}.")
 ]
 TurningChoice = Annotated[
-    Turning | None, typer.Option(help=f"Turntable; default: as the board answers, else {Turning.STEP_DIR}.")
+    Turning | None, typer.Option(help=f"Turntable; default: as the board answers, else {STEP_DIR}.")
 ]
 ForceUnknown = Annotated[
     bool, typer.Option("--force", help="Also flash a board that is not recognised; needs --controller.")

@@ -4,10 +4,9 @@ import math
 import zipfile
 from collections.abc import Iterator
 from dataclasses import dataclass
-from enum import StrEnum
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from sonarhw_compare.film_file import FILMS
@@ -40,17 +39,10 @@ _PING_PERIOD = 0.1  # s between the readings in the log of a predicted scan
 _MOST_SAMPLES = 65535  # of a trace in a log
 
 
-class TraceForm(StrEnum):
-    """The form in which receive signals are written."""
-
-    RF = "rf"
-    SAMPLED = "sampled"
-    ENVELOPE = "envelope"
-
-
-USUAL_RATES = {TraceForm.RF: 1e6, TraceForm.SAMPLED: 16e6 / 16 / 13, TraceForm.ENVELOPE: 50e3}  # Hz
+TraceForm = Literal["rf", "sampled", "envelope"]  # in which receive signals are written
+USUAL_RATES: dict[TraceForm, float] = {"rf": 1e6, "sampled": 16e6 / 16 / 13, "envelope": 50e3}  # Hz
 SLOWEST, FASTEST = 1e3, 1e6  # Hz
-_SAMPLE_BYTES = {TraceForm.RF: 4, TraceForm.SAMPLED: 1, TraceForm.ENVELOPE: 4}  # in an .npz file
+_SAMPLE_BYTES: dict[TraceForm, int] = {"rf": 4, "sampled": 1, "envelope": 4}  # in an .npz file
 _MOST_BYTES = 4e9  # of all traces in a file
 _MOST_BYTES_IN_MEMORY = 5e8  # of all traces for a log, which is encoded from memory
 
@@ -67,9 +59,9 @@ def trace_settings(kind: TraceForm | None, rate: float | None, suffix: str) -> T
     """Return the traces of --traces and --rate. Raises InputError if they do not fit the file format `suffix`."""
     if kind is None:
         return None
-    if suffix not in (".npz", options.LOG) or (suffix == options.LOG and kind is not TraceForm.ENVELOPE):
-        fitting = ".npz or .mcap" if kind is TraceForm.ENVELOPE else ".npz"
-        raise InputError(f"--traces {kind.value}: needs a file of format {fitting}; name one with --out")
+    if suffix not in (".npz", options.LOG) or (suffix == options.LOG and kind != "envelope"):
+        fitting = ".npz or .mcap" if kind == "envelope" else ".npz"
+        raise InputError(f"--traces {kind}: needs a file of format {fitting}; name one with --out")
     chosen = USUAL_RATES[kind] if rate is None else rate
     if not SLOWEST <= chosen <= FASTEST:
         raise InputError(f"--rate {chosen:g}: expected {SLOWEST:g} to {FASTEST:g} Hz")
@@ -154,12 +146,12 @@ def _samples(scan: "PredictedScan", index: int, traces: TraceSettings) -> "NDArr
 
     signal = scan.ping(index).signal(_listening(scan))
     match traces.kind:
-        case TraceForm.RF:
+        case "rf":
             return signal.rf(traces.rate).astype(np.float32)
-        case TraceForm.SAMPLED:
+        case "sampled":
             # counts of the converter: 128 is full scale
             return (signal.sampled(traces.rate) * 128).astype(np.int8)
-        case TraceForm.ENVELOPE:
+        case "envelope":
             return signal.envelope(traces.rate).samples.astype(np.float32)
 
 
@@ -591,25 +583,17 @@ def paths(
 # `sonarhw figures`: draw every figure of the paper, and check the claims of the paper about it.
 
 
-class PictureFormat(StrEnum):
-    """The formats of `sonarhw_compare.picture_file.PICTURES`."""
-
-    PNG = "png"
-    PDF = "pdf"
-    SVG = "svg"
-
-
 def figures(
     folder: Annotated[Path, typer.Argument(help="Folder for the pictures and figures.md.", metavar="DIR")],
-    picture_format: Annotated[PictureFormat, typer.Option("--format", help="Format of the pictures.")] = (
-        PictureFormat.PNG
-    ),
+    picture_format: Annotated[
+        Literal["png", "pdf", "svg"], typer.Option("--format", help="Format of the pictures.")
+    ] = "png",
     force: options.ForceFiles = False,
 ) -> None:
     """Draw the paper's figures again and check each. DIR/figures.md states whether each agrees with the paper."""
     from sonarhw_compare.paper.figures import EXHIBITS, PAGE, claims, page, picture, picture_name
 
-    suffix = f".{picture_format.value}"
+    suffix = f".{picture_format}"
     text = folder / PAGE
     pictures = [folder / picture_name(exhibit, suffix) for exhibit in EXHIBITS]
     outputs.refuse_existing_in(folder, [text, *pictures], force, "DIR")

@@ -1,4 +1,4 @@
-"""The tasks of `sonarhw` in one call each: compare, fit, locate, map and report scans, and open scanners by URL.
+"""The tasks of `sonarhw` in one call each: compare, fit, locate, map, calibrate, report, and open scanners by URL.
 
 Command line and Python programs call the same functions. Scans are logs, their files, or readings. Room, place and
 board are objects, names or files; by default those in the log. A result has its `lines`, its `figures` for JSON and its
@@ -32,7 +32,9 @@ from sonarhw.link import PortFinder
 from sonarhw.log import Log, read_log
 from sonarhw.plugins.device_plugin import is_plugin, make_plugin
 from sonarhw.plugins.plugin_device import PluginLink
-from sonarhw.readings import Reading
+from sonarhw.readings import Reading, ScanOrder, sector
+from sonarhw.sound_speed import ScanAir
+from sonarhw.wire.messages import seconds_of
 from sonarhw_compare.scans import (
     BoardInput,
     GivenScan,
@@ -46,8 +48,10 @@ from sonarhw_compare.scans import (
 )
 
 if TYPE_CHECKING:
+    from sonarhw_sim.predict.prediction import PredictionOptions
     from sonarhw_sim.predict.room_echoes import RoomEchoes
 
+    from sonarhw_compare.calibration.outcome import Calibration
     from sonarhw_compare.explain import ScanComparison
     from sonarhw_compare.fit.fitting import FittedScans
     from sonarhw_compare.fit.result import PlacedScan, Progress
@@ -60,6 +64,7 @@ if TYPE_CHECKING:
     from sonarhw_compare.two_scans import HeadingSeries, ScanDifference
 
 _APART = 0.02  # m, between places that count as one
+_HALF_SECTOR, _SECTOR_STEP, _SECTOR_PINGS = 30.0, 0.5, 3  # degrees, of the scan of a plate
 
 Tick: TypeAlias = Callable[[float], None]  # receives the completed share, 0..1
 
@@ -98,20 +103,20 @@ def compare(
     from sonarhw_compare.match import few_explained, headings_of, match_readings
 
     check_pings(pings)
-    given = _placed(scan, room, place, board, warn)
+    given, known, placed, profile = _placed(scan, room, place, board, warn)
     options, offset = PredictionOptions(receiver=receiver), 0.0
-    found, fitted = _fitted(given, fit, model, receiver, progress), given.board.faced(given.place)
-    if found is not None:
-        fitted, offset = found.place, found.offset
-    readings = given.scan.readings
-    headings = headings_of(readings, fitted, given.board)
-    matched = match_readings(readings, predict_with(model, given.room, fitted, given.board, headings, options), offset)
+    fitted = _fitted(fit, given, known, placed, profile, options, progress, model)
+    placed = profile.faced(placed)
+    if fitted is not None:
+        placed, offset = fitted.place, fitted.offset
+    headings = headings_of(given.readings, placed, profile)
+    matched = match_readings(given.readings, predict_with(model, known, placed, profile, headings, options), offset)
     summary = matched.summary()
-    for doubt in few_explained(given.scan.where, summary.within_5cm, summary.n_echo):
+    for doubt in few_explained(given.where, summary.within_5cm, summary.n_echo):
         warn(doubt)
     return ScanComparison(
-        **vars(replace(matched, origin=given.scan.origin)),
-        fit=found,
+        **vars(replace(matched, origin=given.origin)),
+        fit=fitted,
         model=model,
         options=options,
         pings=pings,
@@ -205,16 +210,16 @@ def report(
     from sonarhw_compare.match import few_explained
     from sonarhw_compare.report import report_of
 
-    given = _placed(scan, room, place, board, warn)
-    notes = given.scan.notes
+    given, known, placed, profile = _placed(scan, room, place, board, warn)
+    notes = given.notes
     for doubt in notes.doubts:
         warn(doubt)
     options = PredictionOptions(receiver=receiver)
-    found = _fitted(given, fit, Model.RAY_FOLLOWING, receiver, progress)
-    named = replace(given.scan, where=Path(given.scan.where).name)
-    made = report_of(named, given.room, given.place, given.board, options, fit=found, notes=notes.texts)
+    fitted = _fitted(fit, given, known, placed, profile, options, progress)
+    named = replace(given, where=Path(given.where).name)
+    made = report_of(named, known, placed, profile, options, fit=fitted, notes=notes.texts)
     summary = made.comparison.summary()
-    for doubt in few_explained(given.scan.where, summary.within_5cm, summary.n_echo):
+    for doubt in few_explained(given.where, summary.within_5cm, summary.n_echo):
         warn(doubt)
     return made
 
@@ -438,6 +443,175 @@ def _map_place(scan: GivenScan, wanted: PlaceInput | None, room: Room | None, wa
     return place
 
 
+def calibrate(
+    scans: ScanInput | Sequence[ScanInput],
+    board: BoardInput | None = None,
+    *,
+    distances: float | Sequence[float] = (),
+    directions: float | Sequence[float] = (),
+    room: RoomInput | None = None,
+    places: PlaceInput | Sequence[PlaceInput] | None = None,
+    reflectances: bool = False,
+    order: ScanOrder | None = None,
+    temperature: float | None = None,
+    connect: Callable[[str], AbstractContextManager[Scanner]] | None = None,
+    progress: "Progress" = _silent,
+    warn: Warn = emit,
+) -> "Calibration":
+    """Return the calibration of a board from scans of a plate or of a known room. Its `profile` has the values found.
+
+    Scans, room, places and board, the profile to begin with, are given as in `map_room`. For a plate, `distances` (m)
+    are from the face to the plate, one for each scan, and `directions` (rad) are the turntable angles that should face
+    it: one, or one for each scan; by default 0. In place of scans, the URL of a scanner that faces the plate can be
+    given. It then makes the scan `order`, by default 60° around the direction, in air of `temperature` (°C; default: by
+    its thermometer). `connect` opens the scanner, by default as `open_scanner`. With `reflectances`, the room of the
+    result has those that the scans show. `progress` receives the completed share and the name of the present step.
+    Raises InputError; NoPlate if a scan shows no plate; for a URL, what `Scanner.open` raises.
+    """
+    of_plate, turned, several = _floats(distances), _floats(directions), _several(scans)
+    if room is None and not of_plate:
+        raise InputError("expected the distance of a plate, or the room of the scans")
+    if room is not None and (of_plate or turned):
+        raise InputError("distances and a room: expected one of them; a plate has a distance, a room has places")
+    if room is None and (reflectances or _places(places)):
+        raise InputError("places and reflectances: need a room")
+    if any(isinstance(scan, str) and Path(scan).suffix != ".mcap" for scan in several):
+        if room is not None:
+            raise InputError(f"room {room}: expected logs (*.mcap), not the URL of a scanner; scan first")
+        if len(several) > 1:
+            raise InputError(f"{', '.join(map(str, several))}: expected the URL of one scanner, or logs (*.mcap)")
+        opened = connect or (lambda url: open_scanner(url, warn=warn))
+        if len(of_plate) != 1 or len(turned) > 1:
+            raise InputError("distances, directions: expected one of each for a scan by a scanner")
+        return _calibrated_now(str(several[0]), board, of_plate[0], (*turned, 0.0)[0], order, temperature, opened)
+    if order is not None or temperature is not None:
+        raise InputError("order and temperature: are for a scan by a scanner; give its URL in place of logs")
+    given = _given_scans(scans, board, warn)
+    profile = common_board(given, board)
+    if room is None:
+        return _calibrated_with_plates(given, profile, of_plate, turned)
+    return _calibrated_in_room(given, profile, room, _places(places), reflectances, progress, warn)
+
+
+def _floats(given: float | Sequence[float]) -> list[float]:
+    return [float(given)] if isinstance(given, numbers.Real) else [*cast("Sequence[float]", given)]
+
+
+def check_sector(order: ScanOrder, name: str = "order") -> None:
+    """Raise InputError, with the name of what was given, if a scan has too few headings for an echo of a plate."""
+    from sonarhw_compare.calibration.plate_readings import FEWEST
+
+    needed = FEWEST + 2
+    if order.headings < needed:
+        raise InputError(
+            f"{name}: {counted(order.headings, 'heading')}; expected at least {needed}, "
+            f"{FEWEST} with an echo of the plate and one without on each side; widen the sector or give smaller steps"
+        )
+
+
+def check_turns(url: str) -> None:
+    """Raise InputError for the URL of a device that turns by itself and obeys no commands."""
+    if is_plugin(url):
+        raise InputError(f"{url}: this device obeys no commands to turn; `sonarhw scan` records its readings")
+
+
+def _calibrated_now(
+    url: str,
+    chosen: BoardInput | None,
+    distance: float,
+    direction: float,
+    order: ScanOrder | None,
+    temperature: float | None,
+    connect: Callable[[str], AbstractContextManager[Scanner]],
+) -> "Calibration":
+    """Scan a plate, and return the calibration."""
+    board = chosen if isinstance(chosen, Board) else load_board(chosen or DEFAULT_BOARD)
+    _check_one_sensor(board)
+    nearest = board.blanked_range(Air())
+    if not nearest < distance < board.max_range:
+        raise InputError(f"distance {distance:g}: expected {nearest:.2g} to {board.max_range:g} m, this board's range")
+    if order is None:
+        middle = math.degrees(direction)
+        order = sector(middle - _HALF_SECTOR, middle + _HALF_SECTOR, _SECTOR_STEP, pings=_SECTOR_PINGS)
+    check_sector(order)
+    check_turns(url)
+    with connect(url) as scanner:
+        speed = ScanAir(chosen_temperature=temperature).speed_of_sound(scanner.info.temperature_c)
+        scanner.configure(2 * board.max_range / speed, board.blanking_end, False, speed)
+        readings = list(scanner.scan(order))
+    from sonarhw_compare.calibration.plate import calibrate_facing_plate
+
+    return calibrate_facing_plate(board, readings, distance, direction)
+
+
+def _check_one_sensor(board: Board) -> None:
+    if board.ring is not None:
+        raise InputError(f"board {board.name}: has a ring of sensors; a plate calibrates a head on a turntable")
+
+
+def _calibrated_with_plates(
+    scans: Sequence[GivenScan], board: Board, distances: Sequence[float], directions: Sequence[float]
+) -> "Calibration":
+    """Return the calibration from scans of a plate. Raises NoPlate if one shows no plate."""
+    _check_one_sensor(board)
+    _check_plates(scans, board, distances, directions)
+    from sonarhw_compare.calibration.plate import calibrate_with_plates
+    from sonarhw_compare.calibration.plate_readings import plate_readings
+
+    turns = list(directions) * (len(scans) if len(directions) == 1 else 1) or [0.0] * len(scans)
+    readings = [
+        plate_readings(Path(scan.where).name, scan.readings, distance, turn, board, _blanked_until(scan))
+        for scan, distance, turn in zip(scans, distances, turns, strict=True)
+    ]
+    return calibrate_with_plates(board, readings)
+
+
+def _check_plates(
+    scans: Sequence[GivenScan], board: Board, distances: Sequence[float], directions: Sequence[float]
+) -> None:
+    """Raise InputError unless there is a distance for each scan, and directions as the scans need them."""
+    if len(distances) != len(scans):
+        raise InputError(f"distances: expected one for each of {counted(len(scans), 'log')}, got {len(distances)}")
+    if len(directions) not in (0, 1, len(scans)):
+        raise InputError(f"directions: expected one for all logs, or {len(scans)}, got {len(directions)}")
+    for distance in distances:
+        if not 0 < distance <= board.max_range:
+            raise InputError(f"distance {distance:g}: expected more than 0 and at most {board.max_range:g} m")
+    if not all(map(math.isfinite, directions)):
+        raise InputError("directions: expected finite angles in radians")
+    files = [scan.file for scan in scans if scan.file is not None]
+    if twice := {file for file in files if sum(file.resolve() == other.resolve() for other in files) > 1}:
+        raise InputError(f"{min(twice)}: is given twice; give each log once")
+
+
+def _blanked_until(scan: GivenScan) -> float:
+    """Return the blanking in the settings of the scanner, s; 0 if the log does not contain it."""
+    settings = scan.log and scan.log.settings
+    return seconds_of(settings.blanking_us) if settings else 0.0
+
+
+def _calibrated_in_room(
+    scans: Sequence[GivenScan],
+    board: Board,
+    room: RoomInput,
+    places: Sequence[PlaceInput],
+    reflectances: bool,
+    progress: "Progress",
+    warn: Warn,
+) -> "Calibration":
+    """Return the calibration from scans of a known room."""
+    from sonarhw_compare.calibration.room import calibrate_in_room
+    from sonarhw_compare.fit.fitting import check_count, placed_scans
+
+    check_count(places, len(scans))
+    known = scans[0].room(room)
+    chosen: Sequence[PlaceInput | None] = places or [None] * len(scans)
+    placed = placed_scans(scans, [scan.place(known, place) for scan, place in zip(scans, chosen, strict=True)])
+    for scan in placed:
+        warn_of_place(known, scan.place, warn)
+    return calibrate_in_room(board, placed, known, progress, reflectances=reflectances)
+
+
 def _map_doubts(mapped: "RoomMap", is_given: bool, found: "RoomOfScans | None") -> Iterator[str]:
     """Yield one line for each reason to doubt a map."""
     from sonarhw_compare.map import CONFIRMING
@@ -480,45 +654,44 @@ def _own_body_doubts(scans: "Sequence[PlacedScan]", board: Board) -> Iterator[st
         )
 
 
-@dataclass(frozen=True)
-class _PlacedScan:
-    """A scan, and the room, place and board of its prediction."""
-
-    scan: GivenScan
-    room: Room
-    place: Place
-    board: Board
-
-
 def _placed(
     scan: ScanInput, room: RoomInput | None, place: PlaceInput | None, board: BoardInput | None, warn: Warn
-) -> _PlacedScan:
-    """Return a scan with what is given, else with what its log contains. Raises InputError."""
+) -> tuple[GivenScan, Room, Place, Board]:
+    """Return a scan with room, place and board: as given, else those of its log. Raises InputError."""
     (given,) = _given_scans(scan, board, warn)
     known, profile = given.room(room), given.board(board)
     here = given.place(known, place)
     warn_of_place(known, here, warn)
-    return _PlacedScan(given, known, here, profile)
+    return given, known, here, profile
 
 
 def _fitted(
-    given: _PlacedScan, fit: str | Iterable[str], model: Model, receiver: Receiver | None, progress: Tick
+    fit: str | Iterable[str],
+    scan: GivenScan,
+    room: Room,
+    place: Place,
+    board: Board,
+    options: "PredictionOptions",
+    progress: Tick,
+    model: Model = Model.RAY_FOLLOWING,
 ) -> "Fit | None":
     """Return the fit on a grid of the named quantities; None if none is named."""
     if not (free := frozenset(_words(fit))):
         return None
-    from sonarhw_sim.predict.prediction import PredictionOptions
-
     from sonarhw_compare.fit.starting import fit_scan
 
-    options, readings = PredictionOptions(receiver=receiver), given.scan.readings
-    return fit_scan(readings, given.room, given.place, given.board, free, model=model, options=options, tick=progress)
+    return fit_scan(scan.readings, room, place, board, free, model=model, options=options, tick=progress)
+
+
+def _several(scans: ScanInput | Sequence[ScanInput]) -> list[ScanInput]:
+    """Return one or several scans as a list."""
+    single = isinstance(scans, str | Path | Log | GivenScan) or all(isinstance(one, Reading) for one in scans)
+    return [cast(ScanInput, scans)] if single else [*cast(Sequence[ScanInput], scans)]
 
 
 def _given_scans(scans: ScanInput | Sequence[ScanInput], board: BoardInput | None, warn: Warn) -> list[GivenScan]:
     """Return one or several scans. Warns of logs that are damaged, and of those without a board if none is given."""
-    single = isinstance(scans, str | Path | Log | GivenScan) or all(isinstance(one, Reading) for one in scans)
-    several = [cast(ScanInput, scans)] if single else [*cast(Sequence[ScanInput], scans)]
+    several = _several(scans)
     given = [given_scan(scan, warn) for scan in several]
     for scan, one in zip(several, given, strict=True):
         if board is None and not isinstance(scan, GivenScan):

@@ -471,7 +471,7 @@ class ProtocolDevice(ABC):
 
     def _carry_out(self, message: messages.CommandMessage, key: tuple[int, int, bytes], now: float) -> None:
         sequence = key[1]
-        if message.WHEN_BUSY is messages.WhenBusy.REFUSED and self._running:
+        if message.WHEN_BUSY == "BUSY" and self._running:
             raise RefusalError(messages.Refusal.BUSY, f"{self._running.state.name.lower()}; send Stop first")
         if limit := _out_of_limits(message, self.line.bauds):
             raise _out_of_range(limit)

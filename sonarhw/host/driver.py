@@ -122,7 +122,7 @@ class Driver:
 
     # interface for the caller
 
-    def command(self, message: messages.Message, now: float, tries: int = TRIES) -> Command:
+    def command(self, message: messages.CommandMessage, now: float, tries: int = TRIES) -> Command:
         """Send a command. Its `answer` and `finished` are set when they arrive.
 
         Only one Home, Turn or StartScan may run at a time: the caller waits for its end or stops it. A command that is
@@ -135,7 +135,7 @@ class Driver:
         self._open[command.sequence] = command
         if self._last_byte is None:
             self._last_byte = self._last_message = now
-        if isinstance(message, messages.ActionMessage):
+        if message.TAKES_TIME:
             self._begin(command)
         self._send(command, now)
         return command

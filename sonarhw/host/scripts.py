@@ -172,14 +172,14 @@ class Conversation:
 
     # building blocks of scripts
 
-    def send(self, message: messages.Message, tries: int = TRIES) -> Command:
+    def send(self, message: messages.CommandMessage, tries: int = TRIES) -> Command:
         """Send a command. Raises InputError if a value does not fit its field."""
         try:
             return self.driver.command(message, self.now, tries)
         except messages.MessageError as error:
             raise errors.InputError(f"{type(message).__name__} cannot be sent: {error}") from error
 
-    def request(self, message: messages.Message) -> Script[messages.AnswerMessage]:
+    def request(self, message: messages.CommandMessage) -> Script[messages.AnswerMessage]:
         """Send a command and return its answer. Raises CommandRefused."""
         command = self.send(message)
         yield settled(command)
@@ -188,7 +188,7 @@ class Conversation:
             raise errors.NoAnswer(f"{self.device.where}: no answer to {command.name}")
         return command.answer
 
-    def request_typed(self, message: messages.Message, expected: type[T]) -> Script[T]:
+    def request_typed(self, message: messages.CommandMessage, expected: type[T]) -> Script[T]:
         """Send a command and return its answer. Raises CommandRefused, DeviceError if it is not an `expected`."""
         answer = yield from self.request(message)
         if not isinstance(answer, expected):
@@ -198,7 +198,7 @@ class Conversation:
             )
         return answer
 
-    def act(self, message: messages.Message, job: Job | None) -> Script[messages.Outcome]:
+    def act(self, message: messages.CommandMessage, job: Job | None) -> Script[messages.Outcome]:
         """Run a Home, Turn or StartScan until it ends or no more readings are needed. Raises LostSteps, DeviceError."""
         command = self.send(message)
         if job:
@@ -275,7 +275,7 @@ def configuring_turntable(request: messages.ConfigureTurntable) -> Job:
     return Job(lambda talk, _: _configure_turntable(talk, request))
 
 
-def requesting(message: messages.Message) -> Job:
+def requesting(message: messages.CommandMessage) -> Job:
     """Return the job that sends a command, which must be safe to repeat. Its result is the answer."""
     return Job(lambda talk, _: talk.request(message))
 

@@ -9,8 +9,8 @@ Angles are in radians.
 import math
 from collections import deque
 from dataclasses import dataclass
-from enum import Enum
 from statistics import median
+from typing import Literal
 
 from sonarhw.plugins.device_plugin import Measurement
 
@@ -30,14 +30,9 @@ class Placed:
     measurement: Measurement
 
 
-class _Break(Enum):
-    """Why a sweep ends before a measurement."""
-
-    TURN = 0  # the angle turns back
-    JUMP = 1  # the angle jumps back
-    FULL = 2  # a turn of 360° is complete
-    RESTART = 3  # the device has restarted
-    GAP = 4  # measurements are missing
+# why a sweep ends before a measurement: the angle turns back or jumps back, a turn of 360° is complete, the device has
+# restarted, or measurements are missing
+_Break = Literal["turn", "jump", "full", "restart", "gap"]
 
 
 class SweepTracker:
@@ -143,18 +138,18 @@ class SweepTracker:
         if self._last is None:
             return None
         if self._gap:
-            return _Break.GAP
+            return "gap"
         jump = bool(self._steps) and abs(delta) > _JUMP * self._usual_step
         if held.restarted and jump:
-            return _Break.RESTART
+            return "restart"
         ahead = 0.0 if following is None else self._delta(held.angle, following.angle) * self._direction
         if delta * self._direction < 0 and (jump or ahead <= 0):  # a measured angle may shake
-            return _Break.JUMP if jump else _Break.TURN
+            return "jump" if jump else "turn"
         # many sketches print the last angle twice, first on the way out and then on the way back
         if delta == 0 and self._pings == 1 and self._ping == 0:
-            return _Break.TURN if ahead < 0 else None
+            return "turn" if ahead < 0 else None
         if self._wrapped and self._travel + abs(delta) >= 2 * math.pi - self._usual_step / 2:
-            return _Break.FULL
+            return "full"
         return None
 
     def _end_sweep(self, broken: _Break, angle: float) -> list[Placed]:
@@ -162,16 +157,16 @@ class SweepTracker:
         whole = self._is_whole(broken, angle)
         self._span_before = self._travel
         self._whole += whole
-        self.restarts += broken is _Break.RESTART
+        self.restarts += broken == "restart"
         ready: list[Placed] = []
         if self._lead is None or whole:
             self._sweep += 1
             ready, self._lead = self._lead or [], None
         else:
             self.left_out += len(self._lead)
-            self._lead = [] if broken is _Break.GAP else None
-        back = {_Break.TURN: -self._direction, _Break.JUMP: self._direction, _Break.FULL: self._direction}
-        self._start_sweep(angle, at_boundary=broken is not _Break.GAP, direction=back.get(broken, 0.0))
+            self._lead = [] if broken == "gap" else None
+        back = {"turn": -self._direction, "jump": self._direction, "full": self._direction}
+        self._start_sweep(angle, at_boundary=broken != "gap", direction=back.get(broken, 0.0))
         return ready
 
     def _start_sweep(self, angle: float, at_boundary: bool, direction: float) -> None:
@@ -185,12 +180,12 @@ class SweepTracker:
 
     def _is_whole(self, broken: _Break, angle: float) -> bool:
         near = self._usual_step / 2
-        if broken is _Break.GAP:
+        if broken == "gap":
             return False
-        if broken is _Break.RESTART:  # some devices print a line of text after each sweep
+        if broken == "restart":  # some devices print a line of text after each sweep
             return self._at_boundary and abs(self._travel - self._span_before) <= near
-        back_at_start = broken is _Break.JUMP and abs(angle - self._first) <= near
-        return self._at_boundary or broken is _Break.FULL or back_at_start
+        back_at_start = broken == "jump" and abs(angle - self._first) <= near
+        return self._at_boundary or broken == "full" or back_at_start
 
     @property
     def _usual_step(self) -> float:

@@ -11,8 +11,8 @@ import math
 import struct
 from collections.abc import Callable
 from dataclasses import MISSING, dataclass, field, fields
-from enum import Enum, IntEnum, IntFlag
-from typing import Any, ClassVar, TypeVar
+from enum import IntEnum, IntFlag
+from typing import Any, ClassVar, Literal, TypeVar
 
 from sonarhw.wire.limits import MAX_ECHOES, PROTOCOL_MINOR
 
@@ -245,27 +245,14 @@ class Message:
 M = TypeVar("M", bound=Message)
 
 
-class WhenBusy(Enum):
-    """What happens to a command while the device homes, turns or scans."""
-
-    ANSWERED = "answered"
-    REFUSED = "BUSY"
-    STOPS = "stops it"
-
-
 @dataclass(frozen=True)
 class CommandMessage(Message):
     """Base of the messages from the host. A device answers each with an `AnswerMessage`."""
 
     SINCE: ClassVar[int] = 0  # minor version
-    WHEN_BUSY: ClassVar[WhenBusy] = WhenBusy.ANSWERED
-
-
-@dataclass(frozen=True)
-class ActionMessage(CommandMessage):
-    """Base of the commands that take time: the device sends Finished when they end."""
-
-    WHEN_BUSY = WhenBusy.REFUSED
+    # what happens to it while the device homes, turns or scans; BUSY: it is refused
+    WHEN_BUSY: ClassVar[Literal["answered", "BUSY", "stops it"]] = "answered"
+    TAKES_TIME: ClassVar[bool] = False  # whether the device sends Finished when it has ended
 
 
 @dataclass(frozen=True)
@@ -283,7 +270,7 @@ class Hello(CommandMessage):
     """Start a conversation, and stop the running command. Answer: Info."""
 
     TYPE = 0x01
-    WHEN_BUSY = WhenBusy.STOPS
+    WHEN_BUSY = "stops it"
     major: int = _on_wire(U8, "major protocol version of the host")
     minor: int = _on_wire(U8, "minor protocol version of the host")
 
@@ -293,7 +280,7 @@ class Configure(CommandMessage):
     """Set how the next pings are made. Answer: Settings, with the values in force."""
 
     TYPE = 0x02
-    WHEN_BUSY = WhenBusy.REFUSED
+    WHEN_BUSY = "BUSY"
     listen_us: int = _on_wire(U32, "how long to listen, from the start of transmission, µs")
     blanking_us: int = _on_wire(U32, "echoes before this time are ignored, from the start of transmission, µs")
     trace: int = _on_wire(U8, "trace code: what to send of each ping besides its echo times")
@@ -306,26 +293,32 @@ class Configure(CommandMessage):
 
 
 @dataclass(frozen=True)
-class Home(ActionMessage):
+class Home(CommandMessage):
     """Find the zero of the turntable. Answers: Accepted, then Finished."""
 
     TYPE = 0x03
+    WHEN_BUSY = "BUSY"
+    TAKES_TIME = True
 
 
 @dataclass(frozen=True)
-class Turn(ActionMessage):
+class Turn(CommandMessage):
     """Turn to an angle. Answers: Accepted, then Finished."""
 
     TYPE = 0x04
+    WHEN_BUSY = "BUSY"
+    TAKES_TIME = True
     angle: int = _on_wire(I32, "turntable angle, µdeg, counter-clockwise")
     relative: int = _since_1_2(U8, "1: a jog: turn by `angle`, at most 10 degrees, also while the zero is unknown", 0)
 
 
 @dataclass(frozen=True)
-class StartScan(ActionMessage):
+class StartScan(CommandMessage):
     """Scan a sector. Answers: Started, readings and traces, then Finished."""
 
     TYPE = 0x05
+    WHEN_BUSY = "BUSY"
+    TAKES_TIME = True
     start: int = _on_wire(I32, "first turntable angle, µdeg")
     step: int = _on_wire(I32, "angle from one heading to the next, µdeg; not 0")
     headings: int = _on_wire(U16, "number of headings in a sweep, at least 1")
@@ -341,7 +334,7 @@ class Stop(CommandMessage):
     """Stop turning and pinging. Answers: Finished for the stopped command, then Accepted."""
 
     TYPE = 0x06
-    WHEN_BUSY = WhenBusy.STOPS
+    WHEN_BUSY = "stops it"
 
 
 @dataclass(frozen=True)
@@ -367,7 +360,7 @@ class ConfigureTurntable(CommandMessage):
 
     TYPE = 0x09
     SINCE = 1
-    WHEN_BUSY = WhenBusy.REFUSED
+    WHEN_BUSY = "BUSY"
     speed: int = _on_wire(U32, "highest speed, µdeg/s; 0: the device's default")
     acceleration: int = _on_wire(U32, "acceleration, µdeg/s²; 0: the device's default")
     settle_us: int = _on_wire(U32, "pause between the end of a movement and the next ping, µs")
@@ -388,7 +381,7 @@ class SetBaud(CommandMessage):
 
     TYPE = 0x0B
     SINCE = 1
-    WHEN_BUSY = WhenBusy.REFUSED
+    WHEN_BUSY = "BUSY"
     baud: int = _on_wire(U32, "bits per second")
 
 
@@ -409,7 +402,7 @@ class SetZero(CommandMessage):
 
     TYPE = 0x0D
     SINCE = 2
-    WHEN_BUSY = WhenBusy.REFUSED
+    WHEN_BUSY = "BUSY"
 
 
 @dataclass(frozen=True)
@@ -418,7 +411,7 @@ class ConfigureWiring(CommandMessage):
 
     TYPE = 0x0E
     SINCE = 2
-    WHEN_BUSY = WhenBusy.REFUSED
+    WHEN_BUSY = "BUSY"
     change: int = _on_wire(U8, "sum of the wiring codes to set; the others keep their value")
     inverted: int = _on_wire(U8, "sum of those wiring codes in `change` that are to be in force")
 

@@ -2,8 +2,8 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import tomlkit
 from sonarhw_sim.board.profile import Board, OwnBodyPart, parse_board
@@ -11,6 +11,9 @@ from tomlkit.exceptions import TOMLKitError
 
 from sonarhw.errors import InputError, counted
 from sonarhw_compare.edits import Z95, below_header, set_marked
+
+if TYPE_CHECKING:
+    from sonarhw_compare.calibration.plate_readings import FacedPlate
 
 
 @dataclass(frozen=True)
@@ -73,6 +76,7 @@ class Calibration:
     kept: dict[str, str] = field(default_factory=dict)  # reason by key
     doubts: list[str] = field(default_factory=list)
     header: Sequence[str] = ()  # comments at the top of the profile; empty: those of `start`
+    plate: "FacedPlate | None" = None  # that the scanner faces; None: another calibration
 
     def add(
         self, key: str, value: float, low: float, high: float, unit: str, decimals: int | None = None, mark: str = ""
@@ -92,7 +96,8 @@ class Calibration:
     def lines(self) -> list[str]:
         """Return what was found, and what stays and why, in words."""
         kept = [f"{key}: stays {_present(self.start, key)}; {reason}" for key, reason in self.kept.items()]
-        return [*(finding.line for finding in self.findings), *self.own_body_lines(), *kept]
+        plate = [] if self.plate is None else [self.plate.line]
+        return [*plate, *(finding.line for finding in self.findings), *self.own_body_lines(), *kept]
 
     def own_body_lines(self) -> list[str]:
         """Return the parts of the own body in words."""
@@ -110,6 +115,7 @@ class Calibration:
             "own_body": [part.model_dump() for part in self.own_body],
             "kept": self.kept,
             "doubts": self.doubts,
+            **({} if self.plate is None else {"plate": asdict(self.plate)}),
         }
 
     def profile(self, name: str) -> Board:

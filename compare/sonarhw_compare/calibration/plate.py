@@ -2,9 +2,8 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -623,29 +622,12 @@ _MISFIT_DB = 1.0  # from which on the gain does not explain the levels at all di
 _LEVEL_DB = 5.0  # by which the threshold of a profile may be wrong, and a plate may be fainter than a perfect one
 
 
-@dataclass
-class PlateCalibration(Calibration):
-    """The calibration of a board with a plate."""
-
-    faced: FacedPlate | None = None  # the plate that the scanner faces; None: logs of plates in any direction
-
-    @property
-    def no_traces(self) -> str:
-        """The reason why a value that needs traces stays."""
-        return "the scan has no traces" if self.faced else "the logs contain no traces"
-
-    def lines(self) -> list[str]:
-        """Return what was found, and what stays and why, in words."""
-        return [*([self.faced.line] if self.faced else []), *super().lines()]
-
-    def figures(self) -> dict[str, Any]:
-        """Return the same, as for JSON."""
-        return super().figures() | ({"plate": asdict(self.faced)} if self.faced else {})
+def _no_traces(found: Calibration) -> str:
+    """Return the reason why a value that needs traces stays."""
+    return "the scan has no traces" if found.plate else "the logs contain no traces"
 
 
-def calibrate_facing_plate(
-    start: Board, readings: Sequence[Reading], distance: float, direction: float
-) -> PlateCalibration:
+def calibrate_facing_plate(start: Board, readings: Sequence[Reading], distance: float, direction: float) -> Calibration:
     """Return the calibration of a board from one scan of a plate that faces it, beginning with the profile `start`.
 
     Distance, m, and `direction`, the turntable angle that faces the plate, rad, count as exact. So the scan gives range
@@ -657,14 +639,12 @@ def calibrate_facing_plate(
     return calibrate_with_plates(start, [scan], faced)
 
 
-def calibrate_with_plates(
-    start: Board, scans: Sequence[PlateReadings], faced: FacedPlate | None = None
-) -> PlateCalibration:
+def calibrate_with_plates(start: Board, scans: Sequence[PlateReadings], faced: FacedPlate | None = None) -> Calibration:
     """Return the calibration of a board from scans of a plate, beginning with the profile `start`.
 
     `faced` is what the only scan shows of a plate that the scanner faces. Raises NoPlate if blanking hides all plates.
     """
-    found = PlateCalibration(start, start, faced=faced)
+    found = Calibration(start, start, plate=faced)
     if faced:
         offset = Measured(faced.range_offset, faced.range_spread)
         home = Measured(math.degrees(faced.home_angle), math.degrees(faced.home_uncertainty))
@@ -704,10 +684,10 @@ def _after_blanking(board: Board, scans: Sequence[PlateReadings]) -> list[PlateR
     return kept
 
 
-def _find_pulse_shape(found: PlateCalibration, scans: Sequence[PlateReadings]) -> float:
+def _find_pulse_shape(found: Calibration, scans: Sequence[PlateReadings]) -> float:
     """Find swelling and ring-down, and return the standard deviation of the time constant of the decay, cycles."""
     if not any(scan.pulses for scan in scans):
-        found.kept["rise_cycles"] = found.no_traces
+        found.kept["rise_cycles"] = _no_traces(found)
         return 0.0
     shape = pulse_shape(found.start, scans)
     if shape is None:
@@ -720,11 +700,11 @@ def _find_pulse_shape(found: PlateCalibration, scans: Sequence[PlateReadings]) -
     return (ring or rise).deviation
 
 
-def _find_levels(found: PlateCalibration, scans: Sequence[PlateReadings]) -> LevelFit:
+def _find_levels(found: Calibration, scans: Sequence[PlateReadings]) -> LevelFit:
     """Fit the levels. Keys that they do not determine stay, and count as unknown in the intervals of the others."""
     keys = free_keys(found.start, scans)
     if _GAIN_STEP not in keys:
-        one = "scan" if found.faced else "log"
+        one = "scan" if found.plate else "log"
         found.kept[_GAIN_STEP] = (
             f"one {one} shows the gain at one time only" if found.start.gain_steps else "this profile has no gain steps"
         )
@@ -735,7 +715,7 @@ def _find_levels(found: PlateCalibration, scans: Sequence[PlateReadings]) -> Lev
             ("m", _MOST_APERTURE * value, _LEAST_APERTURE * value) if key == _APERTURE else ("dB", _MOST_DB, _LEAST_DB)
         )
         half = Z95 * deviation
-        if found.faced and fit.disturbed > _MOST_DISTURBED:
+        if found.plate and fit.disturbed > _MOST_DISTURBED:
             found.kept[key] = "the plate is too small for it, or not alone; it must extend by half its distance"
         elif half > most:
             text = f"{half / value:.0%}" if key == _APERTURE else f"{half:.1f} dB"
@@ -745,11 +725,9 @@ def _find_levels(found: PlateCalibration, scans: Sequence[PlateReadings]) -> Lev
     return fit
 
 
-def _find_ring_down(
-    found: PlateCalibration, scans: Sequence[PlateReadings], deviation: float, levels: LevelFit
-) -> None:
+def _find_ring_down(found: Calibration, scans: Sequence[PlateReadings], deviation: float, levels: LevelFit) -> None:
     if not any(scan.pulses for scan in scans):
-        found.kept["own_burst_db"] = found.no_traces
+        found.kept["own_burst_db"] = _no_traces(found)
         return
     shown = ring_down(found.board, deviation, scans, levels.trace_level_db)
     if shown is None:

@@ -7,8 +7,8 @@ reflectances found.
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
-from typing import Any, NamedTuple
+from dataclasses import asdict, dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,9 @@ from sonarhw_compare.fit.starting import all_round, best_agreement, fit_scan
 from sonarhw_compare.match import TOLERANCE, Comparison, Kind, compare_readings, drawn_blocks
 from sonarhw_compare.regions import angles_and_ranges, mean_run
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 # Threshold and aperture by a rule that counts echoes and silence.
 #
 # The rule: of a grid of apertures and thresholds, take the pair with the largest weighted mean of two shares, the
@@ -52,12 +55,7 @@ _AS_GOOD = Z95  # standard errors of the difference from the best score
 _STEPS_AWAY = np.abs(np.log(APERTURES) / np.log(1.1))[:, None] + np.abs(THRESHOLDS)  # (a, t), from the given profile
 
 
-class Between(NamedTuple):
-    """A value with its 95 % interval."""
-
-    value: float
-    low: float
-    high: float
+Interval = tuple[float, float, float]  # a value, and the low and high end of its 95 % interval
 
 
 @dataclass(frozen=True)
@@ -76,7 +74,7 @@ def choose_detection(
     places: Sequence[Place],
     redundancy: float,
     tick: Callable[[float], None] = lambda _share: None,
-) -> tuple[Between | None, Between]:
+) -> tuple[Interval | None, Interval]:
     """Return threshold and aperture by the rule, for scans at `places` (with the actual headings of the zero).
 
     The threshold is None if the scans have no silence, or no echo: the rule then counts one kind only.
@@ -94,10 +92,10 @@ def choose_detection(
     return threshold if found.sounding.any() and not found.sounding.all() else None, aperture
 
 
-def _between(value: float, drawn: FloatArray, step: float) -> Between:
+def _between(value: float, drawn: FloatArray, step: float) -> Interval:
     """Return a value of the grid with the interval of those drawn, at least half a step of the grid to each side."""
     low, high = np.percentile(drawn, _OF_DRAWS).tolist()
-    return Between(value, min(low, value) - step / 2, max(high, value) + step / 2)
+    return value, min(low, value) - step / 2, max(high, value) + step / 2
 
 
 def _outcomes(
@@ -343,19 +341,22 @@ _FREE = frozenset({"heading", "offset"})
 
 
 @dataclass(frozen=True)
-class StartingTurntable:
-    """Where the calibration begins."""
+class TurntableFit:
+    """What scans show of the geometry of the board and of their poses."""
 
-    scale: float
-    scale_deviation: float  # from a bootstrap of blocks of readings
-    threshold_db: float
-    places: tuple[Place, ...]  # within 3 cm of those given; the heading is the actual one of the turntable's zero
+    shared: dict[str, Measured]  # by key of the profile
+    places: tuple[Place, ...]  # of the scans, with the actual heading of the turntable's zero
+    # by material; those with a table, or outside the bounds of `fit`, stay
+    reflectances: dict[str, Measured] = field(default_factory=dict)
 
 
 def starting_turntable(
     scans: Sequence[PlacedScan], room: Room, board: Board, tick: Callable[[float], None]
-) -> StartingTurntable:
-    """Return scale and threshold, shared by all scans, and the pose of each with which most of their echoes match."""
+) -> TurntableFit:
+    """Return scale and threshold, shared by all scans, and the pose of each with which most of their echoes match.
+
+    The poses are within 3 cm of those given. The deviation of the scale is from a bootstrap of blocks of readings.
+    """
     # a face beside the axis would need a search for paths at every heading; the range offset stands for it
     plain = replace(board, mount=ON_AXIS)
     scans = [replace(scan, readings=without_own_body(board.own_body, scan.readings)) for scan in scans]
@@ -372,7 +373,9 @@ def starting_turntable(
     for k, scan in enumerate(scans):
         tick(k / len(scans))
         fits.append(fit_scan(scan.readings, room, scan.place, turned, _FREE | {"position"}))
-    return StartingTurntable(scale, deviation, plain.threshold_db, tuple(fit.place for fit in fits))
+    threshold = Measured(plain.threshold_db, 0.0)
+    shared = {quantities.SCALE.key: Measured(scale, deviation), quantities.THRESHOLD.key: threshold}
+    return TurntableFit(shared, tuple(fit.place for fit in fits))
 
 
 def _matches(scans: Sequence[PlacedScan], room: Room, board: Board) -> BoolArray:
@@ -433,20 +436,11 @@ SHARED: tuple[tuple[quantities.BoardQuantity, float | None], ...] = (
 )
 
 
-@dataclass(frozen=True)
-class TurntableFit:
-    """The geometry that explains all scans best."""
-
-    shared: dict[str, Measured]  # by key of the profile
-    reflectances: dict[str, Measured]  # by material; those with a table, or outside the bounds of `fit`, stay
-    places: tuple[Place, ...]  # of the scans, with the actual heading of the turntable's zero
-
-
 def fit_turntable(
     scans: Sequence[PlacedScan],
     room: Room,
     board: Board,
-    start: StartingTurntable,
+    start: TurntableFit,
     tick: Callable[[], None],
 ) -> TurntableFit:
     """Return the geometry of the board and the poses of the scans. `tick` is called before each search of paths."""
@@ -466,12 +460,12 @@ def fit_turntable(
         for row in problem.rows_of(quantities.REFLECTANCE)
     }
     # between the steps of the likelihood the curvature along the scale is that of the prior
-    scale = shared[quantities.SCALE.key]
-    shared[quantities.SCALE.key] = replace(scale, deviation=min(scale.deviation, start.scale_deviation))
-    return TurntableFit(shared, reflectances, problem.setting(values)[1])
+    key = quantities.SCALE.key
+    shared[key] = replace(shared[key], deviation=min(shared[key].deviation, start.shared[key].deviation))
+    return TurntableFit(shared, problem.setting(values)[1], reflectances)
 
 
-def _problem(scans: Sequence[PlacedScan], room: Room, board: Board, start: StartingTurntable) -> Problem:
+def _problem(scans: Sequence[PlacedScan], room: Room, board: Board, start: TurntableFit) -> Problem:
     parameters: list[Parameter] = []
     placed = []
     for k, (scan, found) in enumerate(zip(scans, start.places, strict=True)):
@@ -481,10 +475,10 @@ def _problem(scans: Sequence[PlacedScan], room: Room, board: Board, start: Start
             Parameter(quantities.HEADING, "", k, found.heading - _TURN, found.heading + _TURN, label=str(k))
         )
         placed.append(replace(scan, place=replace(scan.place, heading=found.heading)))
-    begin = {quantities.SCALE: start.scale, quantities.THRESHOLD: start.threshold_db}
+    begin = {key: measured.value for key, measured in start.shared.items()}
     for shared, deviation in SHARED:
         lower, upper = shared.bounds(room, board)
-        expected = None if deviation is None else begin.get(shared, shared.value(board))
+        expected = None if deviation is None else begin.get(shared.key, shared.value(board))
         expected = expected if expected is None else min(max(expected, lower), upper)
         parameters.append(Parameter(shared, "", None, lower, upper, expected, deviation))
     parameters += _reflectances(room, board)
@@ -615,7 +609,8 @@ class RoomCalibration(Calibration):
     def contradictions(self) -> list[str]:
         """The reflectances of the room file that the scans contradict, if the profile belongs to the room file."""
         return [
-            f"the scans contradict the reflectance {finding.before:g} of {finding.key!r}: {finding.interval_text}"
+            f"room {self.room.name!r}: the scans contradict the reflectance {finding.before:g} of {finding.key!r}: "
+            f"{finding.interval_text}"
             for finding in self.reflectances
             if self.room is self.given and is_contradicted(finding)
         ]
@@ -653,6 +648,12 @@ class RoomCalibration(Calibration):
             ],
         }
 
+    def draw(self) -> "Figure":
+        """Return a picture of the scans and their predictions, before and after."""
+        from sonarhw_compare.drawings import draw_calibration
+
+        return draw_calibration(self)
+
     def room_with_header(self, profile: str) -> Room:
         """Return the room with a header that names the `profile` to which it belongs, and the scans."""
         header = [
@@ -685,7 +686,8 @@ def calibrate_in_room(
     _check(start, scans, reflectances)
     progress(0.0, "searching headings")
     first = starting_turntable(scans, room, start, lambda share: progress(0.25 * share, "searching headings"))
-    found = RoomCalibration(start, replace(start, turntable_scale=first.scale), scans=scans, given=room, room=room)
+    scale = first.shared[quantities.SCALE.key].value
+    found = RoomCalibration(start, replace(start, turntable_scale=scale), scans=scans, given=room, room=room)
     found.before = _compared(found, start)
     _find_own_body(found, first)
     searches = iter(range(1000))
@@ -707,6 +709,7 @@ def calibrate_in_room(
             f"{counted(len(scans), 'scan')}: values may be those of this place alone; "
             f"expected at least {_FEWEST_SCANS} places"
         )
+    found.doubts += [f"{doubt}; calibrate its reflectances, too" for doubt in found.contradictions]
     found.header = _header(found)
     return found
 
@@ -758,9 +761,9 @@ def _header(found: RoomCalibration) -> list[str]:
     return header
 
 
-def _find_own_body(found: RoomCalibration, first: StartingTurntable) -> None:
+def _find_own_body(found: RoomCalibration, first: TurntableFit) -> None:
     """Find the carrier's body among the echoes that the room does not explain, and apply it."""
-    board = replace(found.start, own_body=(), turntable_scale=first.scale)
+    board = replace(found.start, own_body=(), turntable_scale=first.shared[quantities.SCALE.key].value)
     compared = [
         compare_readings(scan.readings, found.room, place, board)
         for scan, place in zip(found.scans, first.places, strict=True)

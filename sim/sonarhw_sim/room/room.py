@@ -443,14 +443,12 @@ class Room:
 
     def _typed_pose(self, name: str) -> tuple[float, ...]:
         try:
-            x, y, *degrees = map(float, name.split(","))
-            (heading,) = degrees or (0.0,)
+            return read_pose(name)
         except ValueError as error:
             hint = " without a space" if name.endswith(",") else ""
             raise InputError(
                 f"room {self.name!r}: no place {name!r}; {self._known_places()}, or X,Y in metres{hint}"
             ) from error
-        return x, y, math.radians(heading)
 
     def _place_at(self, name: str, x: float, y: float, heading: float = 0.0) -> Place:
         if not (abs(x) <= MAX_COORDINATE and abs(y) <= MAX_COORDINATE):
@@ -463,6 +461,14 @@ class Room:
 
     def _known_places(self) -> str:
         return f"its places: {', '.join(self.places)}" if self.places else "it has no places"
+
+
+def read_pose(text: str) -> tuple[float, ...]:
+    """Return x and y (m) and, if it is stated, the heading (rad) of `X,Y` or `X,Y,DEG`. Raises ValueError."""
+    x, y, *degrees = map(float, text.split(","))
+    if len(degrees) > 1:
+        raise ValueError(text)
+    return x, y, *map(math.radians, degrees)
 
 
 def _numbers(values: object) -> tuple[float, ...] | None:

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sonarhw_compare.calibration.room as calibration
-from sonarhw_compare.calibration.room import RoomCalibration, StartingTurntable
+from sonarhw_compare.calibration.outcome import Measured
+from sonarhw_compare.calibration.room import RoomCalibration, TurntableFit
 from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_compare.fit.starting import fit_scan
 from sonarhw_sim.air import Model
@@ -123,7 +124,7 @@ def test_the_carrier_is_found_without_any_one_place(scans: list[RealScan], left_
     placed = [PlacedScan(scan.readings, Place(scan.name, (scan.x, scan.y)), scan.name) for scan in kept]
     places = tuple(fit.place for fit in fits)
     result = RoomCalibration(BOARD, BOARD, scans=placed, given=ROOM, room=ROOM)
-    calibration._find_own_body(result, StartingTurntable(1.0, 0.01, BOARD.threshold_db, places))
+    calibration._find_own_body(result, TurntableFit({"turntable_scale": Measured(1.0, 0.01)}, places))
     assert [part.spans(math.radians(degrees)) for part in result.own_body for degrees in (93, 216)] == [
         True,
         False,

@@ -58,7 +58,7 @@ def test_a_geometry_stays_if_the_scans_do_not_contradict_it(scale: float, deviat
         key: Measured(float(getattr(start, key)), 0.01)
         for key in ("range_offset", "clock_error", "turntable_scale", "axis_x", "axis_y")
     }
-    fitted = TurntableFit(shared | {"turntable_scale": Measured(scale, deviation)}, {}, ())
+    fitted = TurntableFit(shared | {"turntable_scale": Measured(scale, deviation)}, ())
     result = begun(start, replace(start, turntable_scale=1.03))  # where the search began
     calibration._find_geometry(result, fitted)
     assert result.board.turntable_scale == expected

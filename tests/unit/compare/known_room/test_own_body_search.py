@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import sonarhw_compare.calibration.room as calibration
 from sonarhw_compare.arcs import place_numbers
-from sonarhw_compare.calibration.room import RoomCalibration, StartingTurntable, find_own_body
+from sonarhw_compare.calibration.outcome import Measured
+from sonarhw_compare.calibration.room import RoomCalibration, TurntableFit, find_own_body
 from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_compare.match import TOLERANCE
 from sonarhw_sim.board.profile import load_board
@@ -109,7 +110,7 @@ def test_a_wall_in_front_of_three_of_four_places_does_not_hide_the_body() -> Non
         PlacedScan(scan_at(at, body, whole=True).readings, Place(str(k), at), str(k)) for k, at in enumerate(PLACES[1:])
     ]
     places = tuple(scan.place for scan in scans)
-    first = StartingTurntable(1.0, 0.01, NXT.threshold_db, places)
+    first = TurntableFit({"turntable_scale": Measured(1.0, 0.01)}, places)
     result = RoomCalibration(NXT, NXT, scans=scans, given=ROOM, room=ROOM)
     calibration._find_own_body(result, first)
     assert [(part.from_deg, part.to_deg) for part in result.own_body] == [

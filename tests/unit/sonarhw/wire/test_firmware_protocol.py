@@ -176,7 +176,7 @@ def simplest(kind: type[Message]) -> Message:
 def test_a_busy_board_handles_a_command_as_documented(row: list[str]) -> None:
     name, answer, busy, _ = row
     kind = next(kind for kind in FROM_HOST if kind.__name__ == name)
-    assert kind.WHEN_BUSY.value == busy
+    assert busy == kind.WHEN_BUSY
     device = FakeBoard(PlainEchoes(), seed=7, identity=BoardIdentity(bauds=(250_000, 1_000_000)))
     for sequence, message in enumerate((Hello(1, 1), Home())):
         device.receive(encode_frame(Frame(message.TYPE, sequence, 0, message.pack())), 0.0)
