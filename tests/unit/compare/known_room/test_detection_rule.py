@@ -34,9 +34,10 @@ def test_the_rule_finds_the_pair_with_which_scans_were_predicted(louder: float, 
     true = replace(NXT, threshold_db=NXT.threshold_db + louder, aperture_radius=NXT.aperture_radius * wider)
     threshold, aperture = choose_detection(scans_of(true), ROOM, NXT, PLACES, 3.0)
     assert threshold is not None
-    assert threshold.value == pytest.approx(true.threshold_db, abs=1.1)
-    assert aperture.value == pytest.approx(true.aperture_radius, rel=0.11)
-    assert threshold.low <= true.threshold_db <= threshold.high
+    value, low, high = threshold
+    assert value == pytest.approx(true.threshold_db, abs=1.1)
+    assert aperture[0] == pytest.approx(true.aperture_radius, rel=0.11)
+    assert low <= true.threshold_db <= high
 
 
 def test_scans_without_silence_do_not_determine_a_threshold() -> None:
