@@ -235,7 +235,9 @@ def _write_room_and_picture(
     if room_out is not None:
         write_text(room_out, found.room_with_header(name).text, force)
     if plot is not None:
-        write_figure(plot, found.draw(), force)
+        from sonarhw_compare.drawings import draw_calibration
+
+        write_figure(plot, draw_calibration(found), force)
 
 
 def _print(found: "Calibration", out: Path, as_json: bool) -> None:

@@ -8,7 +8,7 @@ reflectances found.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,9 +30,6 @@ from sonarhw_compare.fit.search import climb, covariance_of, refined
 from sonarhw_compare.fit.starting import all_round, best_agreement, fit_scan
 from sonarhw_compare.match import TOLERANCE, Comparison, Kind, compare_readings, drawn_blocks
 from sonarhw_compare.regions import angles_and_ranges, mean_run
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 # Threshold and aperture by a rule that counts echoes and silence.
 #
@@ -647,12 +644,6 @@ class RoomCalibration(Calibration):
                 for scan, before, after in scans
             ],
         }
-
-    def draw(self) -> "Figure":
-        """Return a picture of the scans and their predictions, before and after."""
-        from sonarhw_compare.drawings import draw_calibration
-
-        return draw_calibration(self)
 
     def room_with_header(self, profile: str) -> Room:
         """Return the room with a header that names the `profile` to which it belongs, and the scans."""
