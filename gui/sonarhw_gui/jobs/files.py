@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
-from itertools import count
+from itertools import count, zip_longest
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 from xml.etree import ElementTree
@@ -19,11 +19,12 @@ from sonarhw_compare.foreign_csv import CsvColumns, Meaning, likely_no_echo, rea
 from sonarhw_compare.scans import ReadingNote, placed_notes
 from sonarhw_compare.sound import PlayedPing
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.files import file_name
+from sonarhw_sim.files import file_name, quoted, read_text
 from sonarhw_sim.room.room import load_room, parse_room
 
-from sonarhw.errors import InputError, LogError, json_text
+from sonarhw.errors import InputError, LogError, OutputError, json_text, shortened
 from sonarhw.export import export_format, export_suffixes
+from sonarhw.files import atomic_file
 from sonarhw.log import Log, LogMetadata, read_log
 from sonarhw.log.writer import write_scan
 from sonarhw.readings import Reading
@@ -166,6 +167,41 @@ class WatchedFile(StrEnum):
 
     ROOM = "room"
     BOARD = "board"
+
+
+def changed_outside(path: Path, text: str) -> str:
+    """Return what another program has changed in a room file since its content was `text`; empty: nothing.
+
+    A file that is gone is no change: saving it loses nothing.
+    """
+    if not path.exists():
+        return ""
+    try:
+        now = read_text(path, "room file")
+    except InputError as error:
+        return str(error)
+    if now == text:
+        return ""
+    lines = enumerate(zip_longest(now.splitlines(), text.splitlines()), 1)
+    number, line = next(((k, line) for k, (line, before) in lines if line != before), (1, ""))
+    change = f"{path.name} was changed outside: line {number} is now {quoted(shortened((line or '').strip(), 60))}"
+    try:
+        parse_room(now, path.name)
+    except InputError as error:
+        return f"{change}; it is not a valid room: {error}"
+    return change
+
+
+def keep_copy(path: Path) -> Path:
+    """Copy a file under a new name in its folder, and return the copy. Raises OutputError."""
+    copy = free_name(path.parent, f"{path.stem}-before", path.suffix)
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be copied: {error.strerror}; save the room under another name") from error
+    with atomic_file(copy, "folder") as file:
+        file.write(content)
+    return copy
 
 
 class FileWatch:

@@ -283,6 +283,11 @@ class UnsavedRooms:
         """Whether the scene differs from the one that was opened or saved."""
         return self._opened is not None and self._now is not None and is_changed(self._opened, self._now)
 
+    @property
+    def file_text(self) -> str:
+        """The content of the room file when it was opened or saved last; empty without a room."""
+        return "" if self._opened is None or self._opened.room is None else self._opened.room.text
+
     def change(self, scene: Scene, now: float) -> None:
         """Store a changed scene soon; `now` and the times of `tick` are of one clock, s."""
         self._now = scene

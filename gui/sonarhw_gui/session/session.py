@@ -316,9 +316,33 @@ class WindowSession(QObject):
         """Show the unsaved room in a file of the folder of unsaved rooms. Raises InputError."""
         self.set_scene(self.kept.rooms.restored(path, self.shown.scene), path)
 
+    @Slot()
+    def save_room_again(self) -> bool:
+        """Save the room in its file; return whether it has one.
+
+        If another program has changed the file, it is kept, and the user is asked what to do.
+        """
+        file = self.files.path(files.WatchedFile.ROOM)
+        if file is not None:
+            change = files.changed_outside(file, self.kept.rooms.file_text)
+            if change:
+                overwrite = NoticeButton("Overwrite, keep a copy", self._save_over, file)
+                reload = NoticeButton("Reload the room", self.open_room, file)
+                text = f"not saved: {change}; Save room as… keeps both"
+                self.notices.add(Notice(text, overwrite, reload, error=True, until=Until.SCENE_REPLACED))
+            else:
+                self.save_room(str(file))
+        return file is not None
+
+    def _save_over(self, file: Path) -> None:
+        """Save the room in a file that another program has changed, and keep a copy of the file. Raises OutputError."""
+        copy = files.keep_copy(file)
+        self.save_room(str(file))
+        self.notices.warn(f"{file.name} was saved; its earlier content is in {copy.name}")
+
     @Slot(str)
     def save_room(self, path: str) -> None:
-        """Save the room with the sensor's place. An existing file is overwritten: the dialog has asked the user."""
+        """Save the room with the sensor's place. An existing file is overwritten: the user has agreed."""
         room, file = self.shown.scene.written_room, Path(path)
         try:
             if room is None:
@@ -370,6 +394,7 @@ class WindowSession(QObject):
         self.scanners.remember(target)
         self.live.use(target)
         if target.scene is not None:
+            self.files.watch(files.WatchedFile.ROOM, None)  # this room is not that of the file
             self.set_scene(target.scene)
         self.takes_board = target.scene is None
         self._scanner_place = place_of(target, self.shown.scene)

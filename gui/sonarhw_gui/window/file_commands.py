@@ -112,11 +112,8 @@ class FileCommands(QMenu):
     @Slot()
     def save_room(self) -> None:
         """Save the room in its file; without one, as for a room of a log, ask for a name."""
-        path = self._session.files.path(files.WatchedFile.ROOM)
-        if path is None:
+        if not self._session.save_room_again():
             self.save_room_as()
-        else:
-            self._session.save_room(str(path))
 
     @Slot()
     def save_room_as(self) -> None:

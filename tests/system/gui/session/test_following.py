@@ -7,6 +7,7 @@ import sonarhw_sim.board
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 from sonarhw_gui.jobs.files import FileWatch, WatchedFile
+from sonarhw_gui.model.edits import with_corner
 from sonarhw_gui.model.scene import Scene
 from sonarhw_gui.window.window import MainWindow
 from sonarhw_sim.board.profile import load_board
@@ -105,6 +106,65 @@ def test_a_changed_room_file_is_reloaded_on_request_at_the_same_place_and_fits(
     until(qtbot, lambda: window.session.shown.scene.room.walls.max() > 1.7)
     assert window.session.shown.scene.pose.name == "figure7"
     assert window.views.plan.drawing.plot.vb.viewRect().bottom() > 1.742
+
+
+@pytest.fixture
+def edited(qtbot: QtBot, open_with: OpenWith, tmp_path: Path) -> tuple[MainWindow, Path]:
+    """Return a window with a moved corner in a room file of its own, and the file."""
+    path = tmp_path / "own.toml"
+    path.write_text(ROOM.read_text())
+    window = open_with(memory=tmp_path / "data" / "window.ini")
+    window.session.open_file(str(path))
+    until(qtbot, lambda: window.session.shown.scene.room_file == path.name)
+    scene, label = with_corner(window.session.shown.scene, 0, (0.4, -0.05))
+    window.session.showing.edit(scene, label)
+    return window, path
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("0.742", "1.742", "own.toml was changed outside: line"),
+        ('name = "Simple room"', "name = 3", "it is not a valid room: own.toml: name"),
+    ],
+)
+def test_a_room_file_that_was_changed_outside_is_never_overwritten_without_a_question(
+    qtbot: QtBot, edited: tuple[MainWindow, Path], old: str, new: str, said: str
+) -> None:
+    window, path = edited
+    theirs = ROOM.read_text().replace(old, new)
+    path.write_text(theirs)
+    window.commands.save_room.trigger()
+    assert "not saved" in window.banner.message
+    assert said in window.banner.message
+    assert path.read_text() == theirs
+    qtbot.mouseClick(window.banner.accept_button, Qt.MouseButton.LeftButton)
+    assert path.read_text() == window.session.shown.scene.written_room.text
+    assert (path.parent / "own-before.toml").read_text() == theirs
+    assert "own-before.toml" in window.banner.message
+    window.commands.save_room.trigger()  # it is this window's content now
+    assert not (path.parent / "own-before_2.toml").exists()
+
+
+def test_instead_of_overwriting_a_changed_room_file_it_is_reloaded_and_the_edits_can_be_restored(
+    qtbot: QtBot, edited: tuple[MainWindow, Path]
+) -> None:
+    window, path = edited
+    mine = window.session.shown.scene.room.text
+    path.write_text(ROOM.read_text().replace("0.742", "1.742"))
+    window.commands.save_room.trigger()
+    qtbot.mouseClick(window.banner.decline_button, Qt.MouseButton.LeftButton)
+    until(qtbot, lambda: window.session.shown.scene.room.walls.max() > 1.7)
+    until(qtbot, lambda: "own.toml has unsaved changes" in window.banner.message)
+    qtbot.mouseClick(window.banner.accept_button, Qt.MouseButton.LeftButton)
+    assert window.session.shown.scene.room.text == mine
+
+
+def test_a_room_file_that_was_removed_is_written_again(qtbot: QtBot, edited: tuple[MainWindow, Path]) -> None:
+    window, path = edited
+    path.unlink()
+    window.commands.save_room.trigger()
+    assert path.read_text() == window.session.shown.scene.written_room.text
 
 
 def test_a_changed_board_profile_is_reloaded_on_request(qtbot: QtBot, open_with: OpenWith, tmp_path: Path) -> None:
