@@ -1,7 +1,10 @@
 """All views of the window: one large view at a time in the middle, the small views in docks beside it."""
 
+import json
+from contextlib import suppress
 from typing import TypeVar, cast
 
+from pydantic import TypeAdapter
 from PySide6 import QtWidgets
 from PySide6.QtCore import QByteArray, QChildEvent, QEvent, QSize, Qt, Signal, Slot
 from PySide6.QtGui import QAction, QKeySequence, QResizeEvent, QShowEvent
@@ -154,6 +157,16 @@ class _Stage(QtWidgets.QStackedWidget):
         return super().minimumSizeHint() if shown is None else shown.minimumSizeHint()
 
 
+_SHARES = b"\nshares of the width: "  # in a saved arrangement, between that of Qt and the shares as JSON
+
+
+def _shares_in(saved: bytes) -> dict[int, float]:
+    """Return the share of each large view; none if the text is empty or damaged."""
+    with suppress(ValueError):
+        return TypeAdapter(dict[int, float]).validate_json(saved)
+    return {}
+
+
 class ViewArea(TabbedWindow):
     """The views. A new view needs one line in `__init__`; menus, keys, gestures, pictures and repaints follow.
 
@@ -281,12 +294,21 @@ class ViewArea(TabbedWindow):
         self.resizeDocks(tops, heights, Qt.Orientation.Vertical)
         self.resizeDocks(tops, [self._width_beside] * len(tops), Qt.Orientation.Horizontal)
 
+    def saveState(self, version: int | None = 0) -> QByteArray:
+        """Return the arrangement, with the share of the width that each large view has.
+
+        Qt keeps widths in pixels, which mean another share in a window that is maximised after it was restored.
+        """
+        return super().saveState(version or 0).append(_SHARES + json.dumps(self._widths).encode())
+
     def restoreState(self, state: "QByteArray | bytes | bytearray | memoryview[int]", version: int | None = 0) -> bool:
         """Restore an arrangement that `saveState` returned; one that Qt refuses changes nothing."""
-        done = super().restoreState(state, version or 0)
+        docks, _, shares = bytes(QByteArray(state).data()).partition(_SHARES)
+        done = super().restoreState(docks, version or 0)
         if done:
             self._restored = True
-            self._note_width()
+            self._widths = _shares_in(shares)
+            self._share_width()
         return done
 
     def event(self, event: QEvent) -> bool:
@@ -306,7 +328,7 @@ class ViewArea(TabbedWindow):
         """Arrange the views in the size of the window at the first time, unless they were restored."""
         super().showEvent(event)
         if self._restored:
-            self._note_width()
+            self._share_width()
         else:
             self._restored = True
             self.reset_layout()

@@ -177,6 +177,13 @@ def test_each_large_view_keeps_its_share_of_the_width(qtbot: QtBot, window: Main
     assert share() == pytest.approx(wide, abs=0.02)
     plan.trigger()
     assert share() == pytest.approx(dragged, abs=0.02)
+    kept, size = views.saveState(), window.size()
+    for _ in range(3):  # a maximised window is restored in its normal size, and maximised afterwards
+        window.resize(size - QSize(500, 0))
+        assert views.restoreState(kept)
+        window.resize(size)
+        assert share() == pytest.approx(dragged, abs=0.02)
+        kept = views.saveState()
 
 
 def test_a_low_window_has_one_line_of_legend_until_more_is_pressed(
