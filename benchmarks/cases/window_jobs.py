@@ -533,7 +533,7 @@ def first_window(began: float) -> list[Figure]:
     open_it = sonarhw_gui.window.start.open_window
 
     def timed(start: WindowStart) -> MainWindow:
-        window = open_it(start)
+        window = open_it(replace(start, memory=Path(folder, "window.ini"), recordings=Path(folder)))
 
         def painted() -> None:
             if not took:
@@ -545,7 +545,8 @@ def first_window(began: float) -> list[Figure]:
 
     sonarhw_gui.window.start.open_window = timed
     sys.argv = ["sonarhw", "demo"]
-    with suppress(SystemExit):
+    # the settings of the user stay as they are
+    with tempfile.TemporaryDirectory() as folder, suppress(SystemExit):
         main()
     wall, process = took[0]
     what = "first window, warm start: to its first paint"

@@ -90,7 +90,7 @@ _MARKS = {
     Origin.SIMULATED: "Orange marks: simulated readings.",
     Origin.IMPORTED: "Orange marks: readings imported from a CSV file.",
 }
-_NO_MARKS = "Orange marks: readings. There are none yet."
+_NO_MARKS = "Orange marks: readings. There are none yet; Scan (F5) makes them."
 _LINE, _NO_LINE = "Blue line: predicted by the model.", "Blue line: a prediction. It needs a room (Ctrl+R)."
 _CLICK = "Click {}: the sentence below says why."
 _COLOURS = "measured", "predicted", "chosen"  # of the steps
@@ -119,12 +119,13 @@ class Hint(QtWidgets.QFrame):
         line.addWidget(self.close_button)
         self.timer = QTimer(self, singleShot=True, interval=_LASTS)
         self.timer.timeout.connect(self.end)
-        self._open = self._gives_way = False
+        self.is_open = False  # until it has ended, also while it gives way to a message
+        self._gives_way = False
         self.hide()
 
     def show_state(self, shown: Shown) -> None:
         """Name what made the marks; without readings, and without a room, say that something is missing."""
-        empty, room = not shown.readings and shown.origin is Origin.MEASURED, shown.scene.room is not None
+        empty, room = not shown.readings, shown.scene.room is not None
         marks = _NO_MARKS if empty else _MARKS[shown.origin]
         click = _CLICK.format("the blue line" if empty and room else "a mark")
         for number, text in enumerate((marks, _LINE if room else _NO_LINE, click)):
@@ -139,22 +140,22 @@ class Hint(QtWidgets.QFrame):
     def show_first_steps(self) -> None:
         """Show the hint."""
         self.timer.start()
-        self._open = True
+        self.is_open = True
         self.setVisible(not self._gives_way)
 
     @Slot()
     def end(self) -> None:
         """Hide the hint."""
         self.timer.stop()
-        if self._open:
-            self._open = False
+        if self.is_open:
+            self.is_open = False
             self.hide()
             self.ended.emit()
 
     def give_way(self, wanted: bool) -> None:
         """Hide the hint for as long as a message needs its place."""
         self._gives_way = wanted
-        self.setVisible(self._open and not wanted)
+        self.setVisible(self.is_open and not wanted)
 
 
 # The status bar: activity, recording file, number and rate of readings, lost readings, temperature, live or replay.

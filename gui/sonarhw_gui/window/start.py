@@ -53,7 +53,7 @@ def memory_of(window: MainWindow) -> Memory:
             "views": window.views.saveState(),
         },
         layouts=dict(window.layouts.layouts),
-        introduced=window.hint.isHidden(),
+        introduced=not window.hint.is_open,
     )
 
 

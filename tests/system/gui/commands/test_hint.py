@@ -9,7 +9,7 @@ from pytestqt.qtbot import QtBot
 from sonarhw_gui.model.scene import Scene
 
 from sonarhw.log import read_log
-from tests.system.gui.conftest import OpenWith
+from tests.system.gui.conftest import OpenFake, OpenWith
 from tests.system.gui.driving import click, position_of, predicted, until
 
 
@@ -40,6 +40,16 @@ def test_the_hint_is_closed_by_its_button(qtbot: QtBot, open_with: OpenWith) -> 
     window.commands.show_first_steps.trigger()
     qtbot.mouseClick(window.hint.close_button, Qt.MouseButton.LeftButton)
     assert not window.hint.isVisible()
+
+
+def test_the_second_start_shows_the_hint_and_names_no_marks_if_the_first_was_closed_before_its_scan(
+    open_with: OpenWith, fake: OpenFake, tmp_path: Path
+) -> None:
+    scanner, memory = fake("max"), tmp_path / "window.ini"
+    open_with(source=scanner, memory=memory).close()
+    window = open_with(source=scanner, memory=memory)
+    assert window.hint.isVisible()
+    assert "none yet" in window.hint.labels[0].text()
 
 
 def test_the_hint_of_a_room_alone_names_no_marks(qtbot: QtBot, open_with: OpenWith) -> None:
