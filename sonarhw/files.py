@@ -12,7 +12,15 @@ from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO
 
+from platformdirs import user_data_path
+
 from sonarhw.errors import OutputError
+
+
+def recordings_folder() -> Path:
+    """Return the folder of recordings of this user; it may not exist yet."""
+    return user_data_path("sonarhw", appauthor=False) / "recordings"
+
 
 # input files: a device may be endless or a port that resets its board, and a named pipe may wait for ever
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 from sonarhw_compare.import_formats import ImportFormat, formats_text, import_format, is_bag, is_raw
 
-from sonarhw.errors import InputError, counted
+from sonarhw.errors import InputError, counted, counted_are
 from sonarhw.export import FORMATS, export_format, export_suffixes
 from sonarhw_cli import options
 from sonarhw_cli.inputs import LogFile, chosen_place, load_log, notes_beside, open_log, open_room
@@ -308,7 +308,7 @@ def log_export(
     if kind == options.LOG:
         from sonarhw.log import copy_log
 
-        copy_log(recorded, Path(out), overwrite=force)
+        _warn_of_times(copy_log(recorded, Path(out), overwrite=force))
         print_written(Path(out))
         return
     chosen = FORMATS[0] if kind == options.STDOUT else export_format(kind)
@@ -328,12 +328,17 @@ def log_recover(
 
     checked_out(out, (options.LOG,), force, log)
     recorded = load_log(log)
-    copy_log(recorded, out, overwrite=force)
+    _warn_of_times(copy_log(recorded, out, overwrite=force))
     kept = f"{out}: {counted(len(recorded.readings), 'reading')} in {counted(len(recorded.scans), 'scan')}"
     lost = f"nothing was lost, {log} was whole"
     if recorded.torn:
         lost = f"{_lost(recorded)}; {log} was {recorded.condition}: {recorded.torn}"
     options.print_line(f"{kept}; {lost}")
+
+
+def _warn_of_times(impossible: int) -> None:
+    if impossible:
+        options.warn(f"{counted_are(impossible, 'time')} impossible, and replaced by the time before")
 
 
 def _lost(log: "Log") -> str:

@@ -195,7 +195,6 @@ def _record(
     room_air: "Air | None",
 ) -> None:
     from sonarhw.host.scanner import record_scan
-    from sonarhw.log import LogWriter
 
     board = inputs.board_of(scanner, request.board)
     metadata = replace(metadata, board=board.name, board_text=board.text)
@@ -204,15 +203,26 @@ def _record(
         terminal = _Terminal(scanner, request, exit_stack)
         exit_stack.enter_context(_interruption_reported(out, terminal))
         terminal.interrupted = exit_stack.enter_context(interruption(scanner.stop))
-        terminal.log = log = LogWriter(out, metadata, overwrite=force, warn=options.warn)
+        terminal.log = log = _log(out, metadata, force)
         if request.turns_by_itself:  # the start of a sweep may be far away
             terminal.show_bar()
         record_scan(scanner, plan, log, terminal)
-    options.print_note(f"{counted(terminal.count, 'reading')}, {terminal.echoes} with an echo, in {out}")
+    options.print_note(f"{counted(terminal.count, 'reading')}, {terminal.echoes} with an echo, in {log.path}")
     _report_ignored(scanner)
     if not request.turns_by_itself:
         _warn_of_another_count(terminal.count, request)
     _warn_of_the_link(scanner)
+
+
+def _log(out: Path, metadata: "LogMetadata", force: bool) -> "LogWriter":
+    """Return the log of a scan that begins now; if it can no longer be written, the folder of recordings continues it.
+
+    Raises LogError.
+    """
+    from sonarhw.files import recordings_folder
+    from sonarhw.log import LogWriter
+
+    return LogWriter(out, metadata, overwrite=force, warn=options.warn, fallback=recordings_folder())
 
 
 class _Terminal:
@@ -279,7 +289,8 @@ def _interruption_reported(out: Path, terminal: _Terminal) -> Iterator[None]:
 
     def message() -> str:
         count = terminal.log.count if terminal.log and terminal.count else 0
-        kept = f"{counted_are(count, 'reading')} kept in {out}" if count else "nothing was recorded"
+        where = terminal.log.path if terminal.log else out
+        kept = f"{counted_are(count, 'reading')} kept in {where}" if count else "nothing was recorded"
         return f"interrupted; {kept}"
 
     def last_words() -> str:
@@ -362,7 +373,7 @@ def ping(
             _run(scanner, plan, profile, out, force, terminal)
         finally:
             if terminal.count:
-                kept = "" if out is None else f", in {out}"
+                kept = "" if terminal.log is None else f", in {terminal.log.path}"
                 options.print_note(f"{counted(terminal.count, 'reading')}, {terminal.echoes} with an echo{kept}")
 
 
@@ -381,12 +392,12 @@ def _run(
     scanner: "Scanner", plan: "ScanPlan", board: "Board", out: Path | None, force: bool, terminal: "_PingTerminal"
 ) -> None:
     from sonarhw.host.scanner import record_scan
-    from sonarhw.log import LogMetadata, LogWriter
+    from sonarhw.log import LogMetadata
 
     with interruption(scanner.stop) as terminal.interrupted:
         metadata = LogMetadata(made_by="ping", started=time.time(), board=board.name, board_text=board.text)
-        log = None if out is None else LogWriter(out, metadata, overwrite=force, warn=options.warn)
-        record_scan(scanner, plan, log, terminal)
+        terminal.log = None if out is None else _log(out, metadata, force)
+        record_scan(scanner, plan, terminal.log, terminal)
 
 
 class _PingTerminal:
@@ -395,6 +406,7 @@ class _PingTerminal:
     def __init__(self, reach: float) -> None:
         """`reach` is the range at the end of a printed trace, m."""
         self.interrupted: Interruption
+        self.log: LogWriter | None = None
         self._reach = reach
         self._began: float | None = None
         self.count = self.echoes = 0  # readings, and those with an echo
@@ -507,7 +519,7 @@ def serve(
                 _scan(scanner, plan, publisher, metadata, out, force)
             finally:
                 publisher.end()
-                kept = f", in {out}" if out and publisher.count else ""
+                kept = f", in {publisher.log.path}" if publisher.log and publisher.count else ""
                 options.print_note(f"{counted(publisher.count, 'reading')} published{kept}")
 
 
@@ -527,11 +539,10 @@ def _scan(
     force: bool,
 ) -> None:
     from sonarhw.host.scanner import record_scan
-    from sonarhw.log import LogWriter
 
     with interruption(scanner.stop) as publisher.interrupted:
-        log = None if out is None else LogWriter(out, metadata, overwrite=force, warn=options.warn)
-        record_scan(scanner, plan, log, publisher)
+        publisher.log = None if out is None else _log(out, metadata, force)
+        record_scan(scanner, plan, publisher.log, publisher)
 
 
 class _Publisher:
@@ -544,6 +555,7 @@ class _Publisher:
         from sonarhw.log.writer import OpenSweeps
 
         self.count = 0
+        self.log: LogWriter | None = None
         self.interrupted: Interruption
         self._server = server
         self._of_each = None if order is None else order.headings * order.pings

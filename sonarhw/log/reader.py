@@ -695,9 +695,8 @@ def unpack_index(data: bytes, offset: int) -> LogIndex | None:
             number, _, column = name.partition("/")
             columns[int(number)][column] = array
         scans = tuple(_scan(scan, mine, offset) for scan, mine in zip(head["scans"], columns, strict=True))
-        return LogIndex(
-            _unpacked(messages.Info, head["info"]), _unpacked(messages.Settings, head["settings"]), _count(head), scans
-        )
+        info, settings = _unpacked(messages.Info, head["info"]), _unpacked(messages.Settings, head["settings"])
+        return LogIndex(info, settings, _count(head["frames"], offset), scans)  # a frame has more than a byte
     except _UNREADABLE:
         return None
 
@@ -724,17 +723,18 @@ def _array(stored: bytes) -> NDArray[Any]:
     return array
 
 
-def _count(head: dict[str, Any]) -> int:
-    if not (isinstance(head["frames"], int) and head["frames"] >= 0):
-        raise ValueError("no number of frames")
-    return head["frames"]
+def _count(stored: object, most: int) -> int:
+    if not (isinstance(stored, int) and 0 <= stored <= most):
+        raise ValueError(f"{stored!r} is no count")
+    return stored
 
 
 def _scan(scan: dict[str, Any], columns: Columns, end: int) -> IndexedScan:
     settings, finished = _unpacked(messages.Settings, scan["settings"]), _unpacked(messages.Finished, scan["finished"])
     began, expected, homed = float(scan["began"]), scan["expected"], tuple(map(float, scan["homed"]))
-    if not np.isfinite((began, *homed)).all() or not (expected is None or isinstance(expected, int)):
-        raise ValueError("no times or number of readings")
+    if not np.isfinite((began, *homed)).all():
+        raise ValueError("a time that is not finite")
+    expected = None if expected is None else _count(expected, 0xFFFFFFFF)
     check_columns(columns, end)
     return RecordedScan(began, expected, settings, (), finished, homed), columns
 
@@ -751,7 +751,7 @@ def _unpacked(kind: type[_M], packed: str | None) -> _M | None:
 
 
 _FIELDS = ("format_version", "product_version", "made_by", "started", "room_file", "room_text", "place", "board")
-_LATEST = 1.8e10  # s since the epoch; later times do not fit into the messages of a log
+LATEST = 1.8e10  # s since the epoch; later times do not fit into the messages of a log
 _UNKNOWN = LogMetadata("unknown", 0.0, product_version="unknown")
 _Speeds = dict[tuple[int, float], float]  # m/s, by number and device time (µs) of the reading
 
@@ -953,6 +953,6 @@ def _metadata(path: Path, fields: dict[str, str]) -> tuple[LogMetadata, list[mca
 def _seconds(date: str) -> float:
     """Return a date in s since the epoch. Raises ValueError for a date that no log can have."""
     seconds = datetime.fromisoformat(date).timestamp()
-    if not 0 <= seconds <= _LATEST:
+    if not 0 <= seconds <= LATEST:
         raise ValueError(f"{date} is not in a time of logs")
     return seconds

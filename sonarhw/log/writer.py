@@ -12,7 +12,6 @@ import os
 import threading
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from io import FileIO
@@ -30,7 +29,7 @@ from mcap.writer import CompressionType, Writer
 from mcap_protobuf.schema import build_file_descriptor_set
 
 from sonarhw.errors import LogError, counted_are
-from sonarhw.files import DiskSpaceMonitor, atomic_file, replace_regular, unfinished_file
+from sonarhw.files import DiskSpaceMonitor, atomic_file, replace_regular
 from sonarhw.log import reader
 from sonarhw.readings import Reading, Trace
 from sonarhw.wire import messages
@@ -42,6 +41,7 @@ from sonarhw.wire.readings_of_frames import reading_message, trace_chunks
 
 
 _NO_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.EROFS)  # errors of pipes and devices without fsync
+_MOST_COPIED = 64_000_000  # bytes of a log that are kept in memory, for a drive that is removed
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)  # errors after which all earlier bytes are kept
 
 
@@ -86,21 +86,26 @@ class LogFile:
     detected. Without a sync, the system accepts bytes for a removed drive for half a minute.
     """
 
-    def __init__(self, path: Path, overwrite: bool) -> None:
-        """Create the file. Raises LogError if it exists (unless `overwrite`) or cannot be created."""
+    def __init__(self, path: Path, overwrite: bool, fallback: Path | None, warn: Callable[[str], None]) -> None:
+        """Create the file. Raises LogError if it exists (unless `overwrite`) or cannot be created.
+
+        An old file is replaced by `replace_old_file`. If writing fails later, or if the file was deleted, it is
+        continued in the folder `fallback`, and `warn` is called.
+        """
         self.path = path
         self.readings = 0  # readings in the file after the next `flush`, for error messages
+        self._fallback, self._warn = fallback, warn
         self._pending = bytearray()
+        self._copy: bytearray | None = bytearray()  # of all bytes in the file; None: they are too many
         self._written = 0  # bytes
         self._kept = 0  # readings in the file
-        self._hidden = ExitStack()
-        self._unfinished: Path | None = None
-        if overwrite and path.is_file():
-            self._unfinished = self._hidden.enter_context(unfinished_file(path.resolve()))
+        # an old file is unchanged until the new one, beside it, is complete
+        self._replaces_old = overwrite and path.is_file()
+        self._actual = _free_name(path.parent, f"{path.stem}.unfinished") if self._replaces_old else path
         # a device or a pipe always exists, and has no content to lose
         self._device = path.exists() and not path.is_file() and not path.is_dir()
         try:
-            self._file = FileIO(self._unfinished or path, "wb" if self._device else "xb")
+            self._file = FileIO(self._actual, "wb" if self._device else "xb")
         except FileExistsError as error:
             raise LogError(f"{path}: exists already; choose another name, or allow overwriting it") from error
         except OSError as error:
@@ -115,7 +120,7 @@ class LogFile:
     @property
     def disposable(self) -> bool:
         """Whether the new file may be removed after an error: it has no reading, and an old file is still unchanged."""
-        return self._unfinished is not None and not self.readings
+        return self._replaces_old and not self.readings
 
     def write(self, data: bytes) -> int:
         """Store the bytes until the next `flush`."""
@@ -129,41 +134,67 @@ class LogFile:
     def flush(self) -> None:
         """Write all stored bytes. On failure truncate the file after its last whole piece and raise LogError."""
         try:
-            if self._sync_thread.failure:
-                raise self._sync_thread.failure
-            left = memoryview(bytes(self._pending))
-            while left:
-                left = left[self._file.write(left) :]
-            links = os.fstat(self._file.fileno()).st_nlink
+            self._write_pending()
         except OSError as error:
             self._give_up()
-            raise self._failure(error) from error
-        if links == 0:
-            self._give_up()
-            raise LogError(f"{self.path}: was deleted while it was being written; record into another folder")
+            if not self._continue_elsewhere(str(error.strerror)):
+                raise self._failure(error) from error
+        if self._copy is not None:
+            self._copy += self._pending
+            if len(self._copy) > _MOST_COPIED:
+                self._copy = None
         self._written += len(self._pending)
         self._kept = self.readings
         self._pending.clear()
         self._sync_thread.request(self._kept)
 
-    def replace_old_file(self) -> None:
-        """Replace the file to be overwritten, unless it has been replaced already. Raises LogError."""
-        if self._unfinished is None:
-            return
-        unfinished, self._unfinished = self._unfinished, None
-        self._sync_thread.stop()
-        # some systems cannot rename an open file
-        self._file.close()
+    def _write_pending(self) -> None:
+        if self._sync_thread.failure:
+            raise self._sync_thread.failure
+        _write_all(self._file, self._pending)
+        if os.fstat(self._file.fileno()).st_nlink == 0:
+            raise FileNotFoundError(errno.ENOENT, "it was deleted while it was being written")
+
+    def _continue_elsewhere(self, reason: str) -> bool:
+        """Write everything so far to a new file in the fallback folder. Return whether that succeeds."""
+        if self._fallback is None or not self._written or self._device:
+            return False
+        target = _free_name(self._fallback, self.path.stem)
         try:
-            target = self.path.resolve()
-            replace_regular(unfinished, target)
-            self._file = FileIO(target, "ab")
+            # without a copy, the old file may still be readable
+            content = self._actual.read_bytes()[: self._written] if self._copy is None else self._copy
+            self._fallback.mkdir(parents=True, exist_ok=True)
+            file = FileIO(target, "xb")
+        except OSError:
+            return False
+        try:
+            if len(content) < self._written:
+                raise OSError(errno.EIO, "the old file is incomplete")
+            _write_all(file, content + self._pending)
+        except OSError:
+            file.close()
+            target.unlink(missing_ok=True)
+            return False
+        self._warn(
+            f"{self._actual}: can no longer be written: {reason}; the recording continues in {target}, with all "
+            "readings so far"
+        )
+        self.path = self._actual = target
+        self._file, self._replaces_old, self._fallback = file, False, None
+        self._sync_thread = _SyncThread(file)
+        return True
+
+    def replace_old_file(self) -> None:
+        """Replace the old file by this one, which is complete and closed. Raises LogError."""
+        if not self._replaces_old:
+            return
+        self._replaces_old = False
+        try:
+            replace_regular(self._actual, self.path.resolve())
         except OSError as error:
-            self._hidden.close()
-            raise LogError(f"{self.path}: cannot be overwritten: {error.strerror}; choose another name") from error
-        self._hidden.close()
-        self._sync_thread = _SyncThread(self._file)
-        self._sync_thread.request(self._kept)
+            raise LogError(
+                f"{self.path}: cannot be overwritten: {error.strerror}; the scan is in {self._actual}"
+            ) from error
 
     def close(self) -> None:
         """Sync the file to the disk and close it. Bytes that were not flushed are dropped. Raises LogError."""
@@ -173,16 +204,19 @@ class LogFile:
             self._sync_thread.stop()
             _sync(self._file)
         except OSError as error:
-            raise self._failure(error) from error
+            self._file.close()
+            if not self._continue_elsewhere(str(error.strerror)):
+                raise self._failure(error) from error
+            self._sync_thread.stop()
         finally:
             self._file.close()
 
     def drop(self) -> None:
-        """Close and remove the file. A file to be overwritten is unchanged."""
+        """Close and remove the file. An old file that it was to replace is unchanged."""
         if not self._file.closed:
             self._give_up()
-        if not self._unfinished and not self._device:
-            self.path.unlink(missing_ok=True)
+        if not self._device:
+            self._actual.unlink(missing_ok=True)
 
     def _failure(self, error: OSError) -> LogError:
         # a full disk keeps all written bytes; a removed drive keeps only the synced ones
@@ -191,12 +225,14 @@ class LogFile:
         kept = sync_thread.kept if only_synced else self._kept
         if not kept:
             return LogError(
-                f"{self.path}: cannot be written: {error.strerror}; nothing is recorded, choose another file"
+                f"{self._actual}: cannot be written: {error.strerror}; nothing is recorded, choose another file"
             )
+        if error.errno == errno.ENOENT:
+            return LogError(f"{self._actual}: was deleted while it was being written; record into another folder")
         count = f"{counted_are(kept, 'reading')} kept in it"
         delete = "delete other files or " if error.errno in _FULL else ""
         return LogError(
-            f"{self.path}: can no longer be written: {error.strerror}; {count}; {delete}record to another disk"
+            f"{self._actual}: can no longer be written: {error.strerror}; {count}; {delete}record to another disk"
         )
 
     def _give_up(self) -> None:
@@ -207,8 +243,18 @@ class LogFile:
             pass  # the reader finds the end of the last whole piece
         finally:
             self._file.close()
-            with suppress(OSError):
-                self._hidden.close()
+
+
+def _write_all(file: FileIO, data: bytes | bytearray) -> None:
+    left = memoryview(bytes(data))
+    while left:
+        left = left[file.write(left) :]
+
+
+def _free_name(folder: Path, stem: str) -> Path:
+    """Return the name of a log that does not exist."""
+    names = (folder / f"{stem}{number}.mcap" for number in ("", *(f"-{n}" for n in range(2, 10_000))))
+    return next(name for name in names if not (name.exists() or name.is_symlink()))
 
 
 class _SyncThread:
@@ -440,9 +486,12 @@ class LogWriter:
     """A log being written; a `sonarhw.host.session.Recorder` and a context manager.
 
     Raises LogError if the file exists (unless `overwrite`), or cannot be created or written. The file then keeps
-    everything up to the last whole reading. A file to be overwritten is unchanged until the first reading, or `close`.
-    Each reading is synced to the disk, so that a removed drive has all readings. `warn` is called with one line when
-    the disk is nearly full. Any thread may use the writer.
+    everything up to the last whole reading. A file to be overwritten is unchanged until `close`. Each reading is synced
+    to the disk, so that a removed drive has all readings. `warn` is called with one line when the disk is nearly full.
+    Any thread may use the writer.
+
+    With the folder `fallback`, a log that can no longer be written (full disk, removed drive, deleted file) is
+    continued in a new file there, with everything so far; `warn` is called, and `path` is then the new file.
 
     An open binary file instead of a path receives a log that is not recorded but written as a whole. The caller closes
     it, and discards it after an error.
@@ -455,9 +504,14 @@ class LogWriter:
         *,
         overwrite: bool = False,
         warn: Callable[[str], None] | None = None,
+        fallback: Path | None = None,
     ) -> None:
         self._lock = threading.RLock()  # one thread may close the log while another records
-        self._file = LogFile(Path(file), overwrite) if isinstance(file, str | Path) else WholeLogFile(file)
+        self._file: LogFile | WholeLogFile
+        if isinstance(file, str | Path):
+            self._file = LogFile(Path(file), overwrite, fallback, warn or (lambda _: None))
+        else:
+            self._file = WholeLogFile(file)
         self._disk_space = DiskSpaceMonitor(self._file.path, warn) if warn else None
         self._scanning = False
         self._scans = 0  # number of scans at the newest Started
@@ -543,7 +597,6 @@ class LogWriter:
             self._end_sweep(sweep)
         for topic, data in reading_messages(reading):
             self._add(topic, data)
-        self._file.replace_old_file()
         self._commit()
 
     def close(self) -> None:
@@ -556,13 +609,13 @@ class LogWriter:
         try:
             self._end_sweeps()
             self._commit()
-            self._file.replace_old_file()
             index = reader.pack_index(reader.index_of(self._decoder), self._file.tell())
             self._writer.add_attachment(0, round(self._time * 1e9), reader.NAME, reader.MEDIA_TYPE, index)
             self._writer.finish()  # type: ignore[no-untyped-call]
             self._file.flush()
         finally:
             self._file.close()
+        self._file.replace_old_file()
 
     def drop(self) -> None:
         """Close and remove the log. A file to be overwritten is unchanged."""
@@ -620,24 +673,44 @@ def _register_channels(writer: Writer) -> dict[str, int]:
     return {topic: writer.register_channel(topic, *encodings[topic]) for topic in reader.TOPICS}
 
 
-def copy_log(log: reader.Log, path: Path, *, overwrite: bool = False) -> None:
+def copy_log(log: reader.Log, path: Path, *, overwrite: bool = False) -> int:
     """Write the readable part of `log` to `path`, with index and sweeps, completely or not at all.
 
-    Frames and their times are unchanged. Raises OutputError if the file exists (unless `overwrite`) or cannot be
-    written, NotALog if `log` can no longer be read.
+    Frames and their times are unchanged, but an impossible time becomes the one before. Returns the number of
+    impossible times. Raises OutputError if the file exists (unless `overwrite`) or cannot be written, NotALog if `log`
+    can no longer be read.
     """
-    with atomic_file(path, overwrite=overwrite) as file, LogWriter(file, log.metadata) as writer:
+    times = _PossibleTimes(log.metadata.started)
+    metadata = replace(log.metadata, started=times.of(log.metadata.started))
+    with atomic_file(path, overwrite=overwrite) as file, LogWriter(file, metadata) as writer:
         received = log.frames.received_bytes()
         ahead = next(received, None)
         for frames in log.frames.pieces():
             while ahead is not None and ahead[0] <= frames[-1].time:
-                writer.received_bytes(*ahead)
+                writer.received_bytes(times.of(ahead[0]), ahead[1])
                 ahead = next(received, None)
-            readings = [reading for frame in frames for reading in writer.take(frame)]
-            for reading in readings:
+            placed = [replace(frame, time=times.of(frame.time)) for frame in frames]
+            for reading in [reading for frame in placed for reading in writer.take(frame)]:
                 writer.reading(reading)
         for time, data in (ahead, *received) if ahead else ():
-            writer.received_bytes(time, data)
+            writer.received_bytes(times.of(time), data)
+    return times.impossible
+
+
+class _PossibleTimes:
+    """Replaces times that no log can contain by the one before."""
+
+    def __init__(self, first: float) -> None:
+        self.impossible = 0
+        self._newest = first if 0 <= first <= reader.LATEST else 0.0
+
+    def of(self, time: float) -> float:
+        """Return the time, or the one before if it is impossible; s since the epoch."""
+        if 0 <= time <= reader.LATEST:  # not NaN
+            self._newest = time
+        else:
+            self.impossible += 1
+        return self._newest
 
 
 # imported and simulated scans as logs, with the frames that a scanner would have sent

@@ -15,7 +15,6 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from platformdirs import user_data_path
 from PySide6.QtCore import QObject, Signal, Slot
 from sonarhw_compare.one_call import is_fake
 from sonarhw_sim.air import Air
@@ -23,6 +22,7 @@ from sonarhw_sim.board.profile import Board, board_names, load_board
 from sonarhw_sim.room.room import Place
 
 from sonarhw.errors import Incompatible, LinkError, LogError, NoAnswer, SonarError, WrongDevice
+from sonarhw.files import recordings_folder
 from sonarhw.host.scanner import DeviceInfo, Scanner, ScanPlan, probe_port, record_scan
 from sonarhw.host.session import Connection
 from sonarhw.link import LinkStatistics, Port, serial_ports
@@ -146,13 +146,9 @@ def packed(trace: Trace) -> Trace:
 # Creates the log of a live scan, in the user's folder of recordings, named by date and room.
 
 
-def recordings_folder() -> Path:
-    """Return the folder of recordings on this system; it may not exist yet."""
-    return user_data_path("sonarhw", appauthor=False) / "recordings"
-
-
 def start_recording(folder: Path, scene: Scene, warn: Callable[[str], None]) -> tuple[LogWriter, Path]:
-    """Create a log in `folder`, named by time and room; `warn` is called when the disk is nearly full.
+    """Create a log in `folder`, named by time and room; `warn` is called when the disk is nearly full, and if
+    the log is continued elsewhere.
 
     Raises LogError if the log cannot be created.
     """
@@ -172,7 +168,7 @@ def start_recording(folder: Path, scene: Scene, warn: Callable[[str], None]) -> 
         board=scene.board.name,
         board_text=scene.board.text,
     )
-    return LogWriter(path, metadata, warn=warn), path
+    return LogWriter(path, metadata, warn=warn, fallback=recordings_folder()), path
 
 
 def _name_part(scene: Scene) -> str:
@@ -247,8 +243,8 @@ def scan_and_record(scene: Scene, settings: ScanSettings, takes_board: bool = Fa
         try:
             outcome = record_scan(scanner, _plan(scanned, settings), log, report)
         finally:
-            if not path.exists():
-                report.advance(recording=None)
+            if log.path != path or not log.path.exists():
+                report.advance(recording=log.path if log.path.exists() else None)
         return Phase.STOPPED if outcome is Outcome.STOPPED else Phase.DONE
 
     return run

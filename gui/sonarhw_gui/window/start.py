@@ -12,6 +12,7 @@ from PySide6.QtCore import QByteArray, QTimer
 from PySide6.QtWidgets import QApplication
 
 from sonarhw.errors import SonarError
+from sonarhw.files import recordings_folder
 from sonarhw.log import Log
 from sonarhw.readings import ScanOrder
 from sonarhw_gui.jobs.files import WatchedFile, with_newest
@@ -25,7 +26,6 @@ from sonarhw_gui.session.scanner import (
     ScannerOpener,
     ScannerTarget,
     ScanSettings,
-    recordings_folder,
 )
 from sonarhw_gui.session.session import WindowSession
 from sonarhw_gui.window.display import check_display

@@ -11,12 +11,16 @@ import pytest
 from sonarhw_cli.app import run
 
 from sonarhw import Scanner, text_device
+from sonarhw.device.fake_board import FakeBoard
+from sonarhw.device.served import serve
 from sonarhw.errors import NoAnswer
 from sonarhw.host import scanner
 from sonarhw.link import Port
 from sonarhw.log import read_log
+from tests.fixtures.plain_echoes import PlainEchoes
 from tests.fixtures.text_devices.printing_device import SKETCHES, PrintingDevice, wall
 from tests.fixtures.text_devices.received_clock import ReceivedClock
+from tests.hang_guard import HANG
 from tests.reference_pages import keys_in_reference
 from tests.system.cli.instrument.test_scan_command import end, lines, started
 
@@ -191,3 +195,23 @@ def test_a_process_matches_as_python_does(pattern: str, line: str) -> None:
     match = re.compile(pattern, re.ASCII).fullmatch(line)
     assert process.groups(line) == (match and match.groupdict())
     process.close()
+
+
+@pytest.mark.parametrize("device", ["text", "frames"])
+def test_a_scan_whose_log_is_deleted_goes_on_in_the_folder_of_recordings(
+    device: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
+    log = tmp_path / "scan.mcap"
+    with PrintingDevice(RADAR.rounds()) as printing, serve(FakeBoard(PlainEchoes()), tcp="127.0.0.1:0") as endpoint:
+        url = f"lines:{printing.port}?preset=arduino-radar" if device == "text" else endpoint.url
+        with started("scan", url, "--out", log, "--print", "--sweeps", "2") as scanning:
+            shown = lines(scanning, 10)
+            log.unlink()
+            out, errors = scanning.communicate(timeout=HANG)
+    (kept,) = (tmp_path / "data").rglob("*.mcap")
+    assert scanning.returncode == 0, errors
+    assert f"the recording continues in {kept}, with all readings so far" in errors
+    assert f"in {kept}\n" in errors
+    assert len(read_log(kept).readings) == len(shown) + len(out.splitlines()) - 1
+    assert not log.exists()

@@ -6,6 +6,7 @@ import queue
 from functools import partial
 from io import FileIO
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -144,6 +145,50 @@ def test_a_removed_drive_gives_an_error_with_the_number_of_kept_readings(
     log.close()
 
 
+@pytest.mark.parametrize(
+    ("fault", "copied"), [("full", True), ("full", False), ("deleted", True), ("removed", True), ("removed", False)]
+)
+def test_a_log_that_can_no_longer_be_written_is_continued_in_another_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: str, copied: bool
+) -> None:
+    if not copied:
+        monkeypatch.setattr(sonarhw.log.writer, "_MOST_COPIED", 0)
+    first, warnings = tmp_path / "drive" / "scan.mcap", list[str]()
+    first.parent.mkdir()
+    drive = Drive(monkeypatch, first) if fault == "removed" else None
+    full = [False]
+
+    class Disk(FileIO):
+        def write(self, data: Any) -> int:
+            if full[0] and Path(str(self.name)).parent == first.parent:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            return super().write(data)
+
+    monkeypatch.setattr(sonarhw.log.writer, "FileIO", Disk)
+    with LogWriter(first, METADATA, warn=warnings.append, fallback=tmp_path / "kept") as log:
+        for number in range(3):
+            record_one(log, number)
+            if drive:
+                drive.wait()
+        if fault == "deleted":
+            first.unlink()
+        elif drive:
+            drive.removed = True
+            record_one(log, 3)
+            drive.wait()
+            drive.removed = False
+        else:
+            full[0] = True
+        for number in range(4 if drive else 3, 6):
+            record_one(log, number)
+    whole = read_log(log.path)
+    assert log.path == tmp_path / "kept" / "scan.mcap"
+    assert [reading.number for reading in whole.readings] == [*range(6)]
+    assert whole.torn is None
+    (warning,) = warnings
+    assert f"the recording continues in {log.path}, with all readings so far" in warning
+
+
 # logs that are written as a whole
 
 
@@ -200,7 +245,7 @@ def test_a_log_that_was_deleted_can_be_dropped(tmp_path: Path) -> None:
     assert not [*tmp_path.iterdir()]
 
 
-def test_an_old_log_is_kept_until_the_first_reading_of_the_new_one(tmp_path: Path) -> None:
+def test_an_old_log_is_kept_until_the_new_one_is_complete(tmp_path: Path) -> None:
     path = tmp_path / "scan.mcap"
     before = old_log(path)
     path.chmod(0o640)
@@ -209,7 +254,11 @@ def test_an_old_log_is_kept_until_the_first_reading_of_the_new_one(tmp_path: Pat
         assert path.read_bytes() == before
         log.frame(True, STARTED, reading_frame(0))
         log.reading(example_reading(0))
-        assert len(read_log(path).readings) == 1
+        assert path.read_bytes() == before
+        (unfinished,) = {*path.parent.iterdir()} - {path}  # a killed program leaves this
+        assert len(read_log(unfinished).readings) == 1
+    assert len(read_log(path).readings) == 1
+    assert [*path.parent.iterdir()] == [path]
     assert read_log(path).torn is None
     assert path.stat().st_mode & 0o777 == 0o640
     assert [*tmp_path.iterdir()] == [path]
@@ -262,3 +311,14 @@ def test_a_log_that_cannot_be_started_leaves_no_file(tmp_path: Path, monkeypatch
     with pytest.raises(LogError, match="No space left on device; nothing is recorded"):
         LogWriter(tmp_path / "scan.mcap", METADATA)
     assert [*tmp_path.iterdir()] == []
+
+
+def test_impossible_times_are_replaced_in_a_copy(tmp_path: Path) -> None:
+    path, copy = tmp_path / "scan.mcap", tmp_path / "copy.mcap"
+    with LogWriter(path, METADATA) as log:
+        record_one(log, 0)
+        log.frame(True, 1.84e10, reading_frame(1))  # in the year 2553, of which 64 bits hold the nanoseconds
+    recorded = read_log(path)
+    assert copy_log(recorded, copy) == 1
+    assert len(read_log(copy).readings) == len(recorded.readings)
+    assert read_log(copy).torn is None
