@@ -21,6 +21,12 @@ PAGES = {
     "CONTRIBUTING.md": "contributing.md",
     "CHANGELOG.md": "changelog.md",
 }
+# pages that are part of another page now; browsers that ask for their old addresses go there
+MOVED = {
+    "how_to/plan.html": "window.html#the-plan-key-1",
+    "how_to/trace.html": "window.html#traces",
+    "how_to/window_searches.html": "window.html#fit-f9",
+}
 _IN_DOCS = re.compile(r"\]\((?:\.\./)?docs/")
 # links to files that are not pages of the site; only their text is kept
 _NO_PAGE = re.compile(r"\[([^\]]+)\]\((?:\.\./)?[^)#:]*(?:firmware|\.ipynb|\.py|LICENSE|rooms/?)\)")
@@ -40,6 +46,13 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     for source, target in PAGES.items():
         markdown = re.sub(rf"\]\((?:\.\./)*{re.escape(source)}", f"]({_up(page)}{target}", markdown)
     return _NO_PAGE.sub(r"\1", markdown)
+
+
+def on_post_build(config: MkDocsConfig) -> None:
+    """Write the pages that lead from old addresses to new ones."""
+    for old, new in MOVED.items():
+        text = f'<!doctype html><meta http-equiv="refresh" content="0; url={new}"><a href="{new}">{new}</a>\n'
+        (Path(config.site_dir) / old).write_text(text, encoding="utf-8")
 
 
 def _up(page: Page) -> str:
