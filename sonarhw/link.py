@@ -254,8 +254,8 @@ BOOTLOADER = 2.0  # s for which the bootloader runs after a reset by the opening
 WRITE_WITHIN = 2.0  # s
 READ_PATIENCE = 0.05  # s for which a read waits for the first byte
 MOST = 4096  # most bytes of one read
-_WITH_HOST = ("socket", "rfc2217")  # URL schemes with host and port
-_KNOWN = ("alt", "cp2110", "hwgrep", "loop", "spy")
+WITH_HOST = ("socket", "rfc2217")  # URL schemes with host and port
+KNOWN_SCHEMES = ("alt", "cp2110", "hwgrep", "loop", "spy")
 # ImportError: a scheme needs a library that is not installed; the others: parts of a URL that pyserial does not check
 _OPENING_ERRORS = (SerialException, OSError, ValueError, ImportError, LookupError, TypeError, AttributeError)
 _POLL = 0.005  # s between checks for bytes, for ports without a file descriptor
@@ -379,7 +379,7 @@ def _check_url(url: str) -> None:
         raise InputError("no URL: expected a serial port such as /dev/ttyUSB0, or socket://HOST:PORT")
     if not separator:
         return
-    if scheme in _WITH_HOST:
+    if scheme in WITH_HOST:
         try:
             parts = urlsplit(url)
             complete = bool(parts.hostname) and bool(parts.port)
@@ -392,8 +392,8 @@ def _check_url(url: str) -> None:
             raise InputError(f"{url}: expected {scheme}://HOST:PORT, with a port from 1 to 65535")
     elif scheme == "hwgrep":
         _check_pattern(url)
-    elif scheme not in _KNOWN:
-        schemes = ", ".join(f"{name}://" for name in sorted((*_WITH_HOST, *_KNOWN)))
+    elif scheme not in KNOWN_SCHEMES:
+        schemes = ", ".join(f"{name}://" for name in sorted((*WITH_HOST, *KNOWN_SCHEMES)))
         raise InputError(f"{url}: unknown scheme {scheme}://; expected {schemes}, or the name of a serial port")
 
 

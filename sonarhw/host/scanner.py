@@ -840,9 +840,10 @@ def record_scan(scanner: Scanner, plan: ScanPlan, log: LogWriter | None, watcher
         scanner.record(log)
         try:
             outcome = _run_scan(scanner, plan, watcher, deliver, log.path)
-        except (errors.LinkError, errors.NoAnswer, errors.WrongDevice, errors.Incompatible) as error:
-            kept = f"; {errors.counted_are(count, 'reading')} kept in {log.path}" if count else ""
-            raise type(error)(f"{error}{kept}") from error
+        except (errors.LinkError, errors.DeviceError, errors.InputError) as error:
+            if count and not isinstance(error, errors.LostSteps):  # which is raised after all readings
+                error.args = (f"{error}; {errors.counted_are(count, 'reading')} kept in {log.path}",)
+            raise
         finally:
             scanner.record(None)
             if outcome is messages.Outcome.STOPPED and not count:
