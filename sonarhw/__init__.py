@@ -19,10 +19,12 @@ Scan
 
 Predict
 - `load_room`, `room_names`, `save_room`, `Room`, `Place`: rooms and the places of the sensor in them.
+- `room_from_arrays`: a room from polygons, segments and posts.
 - `load_board`, `board_names`, `Board`: board profiles.
 - `predict`, `PredictionOptions`, `PredictedScan`: the prediction of a scan.
 
 Compare
+- `scan_from_arrays`, `GivenScan`: a scan from headings and ranges.
 - `compare`, `Comparison`, `explain_reading`: each reading beside its prediction, and its cause in words.
 - `fit`, `FitOptions`, `FitResult`, `PlacedScan`: pose, board and room that explain scans best.
 - `locate`, `Located`: the possible poses of a scan in a known room.
@@ -37,7 +39,8 @@ Tests and simulations
 - `FakeBoard`, `FaultyDevice`, `read_faults`, `serve`: a fake scanner, its faults, and a port that serves it.
 - `EchoSource`, `Ping`, `PingResult`: the interface for the echoes of a fake scanner.
 
-`SonarError` is the base class of all errors in `sonarhw.errors`.
+`SonarError` is the base class of all errors in `sonarhw.errors`. `InputError`, for wrong arguments and files, is also a
+`ValueError`.
 """
 
 import ast

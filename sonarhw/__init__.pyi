@@ -25,6 +25,7 @@ from sonarhw_compare.one_call import (
     open_scanner,
     write_report,
 )
+from sonarhw_compare.scans import GivenScan, scan_from_arrays
 from sonarhw_compare.study import load_study, read_study, run_study
 from sonarhw_sim import (
     Board,
@@ -39,11 +40,12 @@ from sonarhw_sim import (
     save_room,
 )
 from sonarhw_sim.predict.prediction import predict
+from sonarhw_sim.room.room_arrays import room_from_arrays
 
 from .device.fake_board import FakeBoard
 from .device.faults import FaultyDevice, read_faults
 from .device.served import serve
-from .errors import SonarError
+from .errors import InputError, SonarError
 from .host.scanner import PluginScanner, Scanner
 from .host.session import Recorder
 from .log import Log, LogMetadata, LogWriter, read_log
@@ -62,6 +64,8 @@ __all__ = [
     "FaultyDevice",
     "FitOptions",
     "FitResult",
+    "GivenScan",
+    "InputError",
     "Located",
     "Log",
     "LogMetadata",
@@ -105,9 +109,11 @@ __all__ = [
     "read_faults",
     "read_log",
     "read_study",
+    "room_from_arrays",
     "room_names",
     "run_study",
     "save_room",
+    "scan_from_arrays",
     "sector",
     "serve",
     "write_report",

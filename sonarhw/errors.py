@@ -46,8 +46,8 @@ class SonarError(Exception):
     exit_status = ExitStatus.FAILED
 
 
-class InputError(SonarError):
-    """The input is invalid; nothing has been done yet."""
+class InputError(SonarError, ValueError):
+    """The input is invalid; nothing has been done yet. It is a ValueError too."""
 
     exit_status = ExitStatus.BAD_INPUT
 

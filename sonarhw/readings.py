@@ -2,12 +2,15 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, is_dataclass
 from enum import StrEnum
 from typing import Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+
+from sonarhw import arguments
+from sonarhw.errors import InputError
 
 FloatArray: TypeAlias = NDArray[np.float64]
 BoolArray: TypeAlias = NDArray[np.bool_]
@@ -16,6 +19,24 @@ BoolArray: TypeAlias = NDArray[np.bool_]
 def angle_difference(angles: FloatArray, reference: FloatArray | float) -> FloatArray:
     """Return `angles` minus `reference`, rad, each in [-π, π). Use `math.remainder` for single angles."""
     return np.asarray(np.remainder(angles - reference + math.pi, math.tau) - math.pi)
+
+
+def same_values(one: object, other: object) -> bool:
+    """Return whether two values are equal: arrays and dataclasses of arrays by their elements, and NaN equals NaN."""
+    if one is other:
+        return True
+    if type(one) is not type(other):
+        return False
+    if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
+        return np.array_equal(one, other, equal_nan=one.dtype.kind in "fc")
+    if isinstance(one, tuple) and isinstance(other, tuple):
+        return len(one) == len(other) and all(map(same_values, one, other))
+    if isinstance(one, dict) and isinstance(other, dict):
+        return one.keys() == other.keys() and all(same_values(value, other[key]) for key, value in one.items())
+    if is_dataclass(one):
+        compared = (part.name for part in fields(one) if part.compare)
+        return all(same_values(getattr(one, name), getattr(other, name)) for name in compared)
+    return bool(one == other)
 
 
 class Origin(StrEnum):
@@ -124,6 +145,7 @@ class ScanOrder:
         return sweep, self.start + self.step * index, ping
 
 
+@arguments.checked(count=arguments.whole(1, 65_535))
 def pings_in_place(count: int) -> ScanOrder:
     """Return the order of `count` pings, 1 to 65 535, at the present angle. Each is a sweep of one heading."""
     return ScanOrder(0.0, 1.0, headings=1, sweeps=count, in_place=True)
@@ -134,18 +156,21 @@ def headings_between(start: float, stop: float, step: float) -> int:
 
     0 to 360 by 5 is 72.
 
-    Raises ValueError if the step is zero, not finite, or leads away from `stop`.
+    Raises InputError if the step is zero, not finite, or leads away from `stop`.
     """
     if not all(map(math.isfinite, (start, stop, step))) or step == 0 or not 0 < (stop - start) / step < math.inf:
-        raise ValueError(f"there is no angle from {start:g} to below {stop:g} in steps of {step:g}")
+        raise InputError(f"there is no angle from {start:g} to below {stop:g} in steps of {step:g}")
     # rounding may make the quotient too large: without 1e-9, 0 to 360 by 0.1 could give 3601 headings instead of 3600
     return max(1, math.ceil((stop - start) / step - 1e-9))
 
 
+@arguments.checked(
+    start_deg=arguments.number(), stop_deg=arguments.number(), step_deg=arguments.number(), pings=arguments.whole(1)
+)
 def sector(start_deg: float = 0.0, stop_deg: float = 360.0, step_deg: float = 5.0, pings: int = 1) -> ScanOrder:
     """Return the order of one sweep from `start_deg` in steps of `step_deg`; `stop_deg` is excluded. All are degrees.
 
-    0 to 360 by 5 is 72 headings. Angles of readings and of all other functions are in radians. Raises ValueError if
+    0 to 360 by 5 is 72 headings. Angles of readings and of all other functions are in radians. Raises InputError if
     there is no such heading.
     """
     headings = headings_between(start_deg, stop_deg, step_deg)

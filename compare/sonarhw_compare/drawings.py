@@ -23,6 +23,7 @@ from sonarhw_sim.check import Finding
 from sonarhw_sim.predict.predicted_scan import PredictedScan, standpoints
 from sonarhw_sim.room.room import Place, Room
 
+from sonarhw import arguments
 from sonarhw.readings import FloatArray, Origin
 from sonarhw_compare import pictures
 from sonarhw_compare.arcs import Arc, direction, headings_and_ranges
@@ -122,6 +123,11 @@ _LINES = {"": "-", _LIMITED: ":", _LOWER: ":", _HIGHER: "-."}  # of walls and po
 _MOVED = 1e-3  # m, more than the rounding of a room file
 
 
+@arguments.checked(
+    scan=arguments.instance(PredictedScan, "the result of `predict`"),
+    title=arguments.text,
+    origin=arguments.choice(Origin),
+)
 def draw_plan(
     scan: PredictedScan,
     measured: Sequence[tuple[float, float]] = (),
@@ -301,6 +307,7 @@ def _label(axes: Axes, text: str, at: tuple[float, float], color: str, weight: s
 # Picture of a scan over its prediction, in the plan of the room.
 
 
+@arguments.checked(comparison=arguments.instance(Comparison, "the result of `compare`"))
 def draw_comparison(
     comparison: Comparison, shading: pictures.RangeShading | None = None, changed: Room | None = None
 ) -> Figure:
@@ -389,6 +396,7 @@ _POSE_ARROW = 0.09  # of the room's longer side
 _BESIDE_POSE, _ABOVE_POSE = 8, 14  # points, from a mark to its text: beside it, and above or below it
 
 
+@arguments.checked(located=arguments.instance(Located, "the result of `locate`"))
 def draw_located(located: Located) -> Figure:
     """Return a figure of the room with the posterior of the lattice, the poses as arrows, and the scan at the best."""
     figure = new_figure(8, 7, 120)
@@ -477,13 +485,15 @@ _MAP_MARGIN = 0.08  # around the features, of their longer side
 _SHADES = "Greys"  # empty is white, unknown grey, occupied black
 
 
+@arguments.checked(
+    found=arguments.instance(RoomMap, "the map of `map_scans`, `map` of the result of `map_room`"),
+    room=arguments.instance(Room, "a room"),
+)
 def draw_map(found: RoomMap, room: Room | None = None) -> Figure:
     """Return a figure of the plan with grid, arcs, walls and points; `room` is drawn dashed over it.
 
     A second plan leaves out the echoes by several reflections, where that is determined.
     """
-    if not isinstance(found, RoomMap):
-        raise TypeError(f"draw_map: expected the RoomMap that map_scans returns, got {type(found).__name__}")
     direct = f"all echoes, interpreted as direct: {found.echoes}"
     if found.followed_room is None:
         layers = [(found.plain, f"{direct}\nnot determined which came by several reflections")]

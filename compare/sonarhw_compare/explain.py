@@ -14,7 +14,8 @@ from sonarhw_sim.predict.predicted_scan import Echo, PredictedPing, PredictedSca
 from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.room.room import Room
 
-from sonarhw.errors import counted
+from sonarhw import arguments
+from sonarhw.errors import InputError, counted
 from sonarhw.readings import FloatArray, Origin
 from sonarhw_compare.headings import heading_text, in_degrees
 from sonarhw_compare.match import TOLERANCE, Comparison, Kind, Matched, Summary
@@ -193,11 +194,18 @@ def in_metres(length: float) -> str:
     return f"{length:.3f} m"
 
 
+@arguments.checked(
+    comparison=arguments.instance(Comparison, "the result of `compare`"),
+    index=arguments.whole(0),
+    text=arguments.function,
+)
 def explain_reading(comparison: Comparison, index: int, text: LengthText = in_metres) -> str:
     """Return one sentence on reading `index`: range, heading, path, a near wall within blanking, and small margins.
 
-    `text` formats the lengths.
+    `text` formats the lengths. Raises InputError if there is no such reading.
     """
+    if index >= len(comparison.rows):
+        raise InputError(f"index: expected a reading, 0 to {len(comparison.rows) - 1}, got {index}")
     row, prediction = comparison.rows[index], comparison.prediction
     at = f"at {heading_text(row.heading)}"
     measured = f"no echo {at}" if row.measured is None else f"{text(row.measured)} {at}"

@@ -235,6 +235,8 @@ def opened(file: Path, expected: str = "a CSV file") -> Iterator[TextIO]:
     try:
         with TextIOWrapper(open_input(file, _MOST_BYTES), encoding="utf-8-sig", newline="") as text:
             yield text
+    except InputError:  # of the reader of the text
+        raise
     except FileNotFoundError as error:
         raise InputError(f"{file}: no such file; give the name of {expected}") from error
     except OSError as error:

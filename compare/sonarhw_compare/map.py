@@ -16,6 +16,7 @@ from sonarhw_sim.predict.prediction import CONE_HALF_ANGLE
 from sonarhw_sim.rays.paths import Paths
 from sonarhw_sim.room.room import Room, parse_room
 
+from sonarhw import arguments
 from sonarhw.errors import counted
 from sonarhw.readings import BoolArray, FloatArray, angle_difference
 from sonarhw_compare.arcs import (
@@ -571,6 +572,12 @@ class RoomMap:
         )
 
 
+@arguments.checked(
+    scans=arguments.instances(PlacedScan, "a list of PlacedScan"),
+    board=arguments.instance(Board, "a board"),
+    room=arguments.instance(Room, "a room"),
+    tick=arguments.function,
+)
 def map_scans(
     scans: Sequence[PlacedScan],
     board: Board,

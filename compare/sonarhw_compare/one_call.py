@@ -15,10 +15,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias, cast
 from urllib.parse import parse_qsl
 
+import numpy as np
 from sonarhw_sim.air import DEFAULT_BOARD, ROOM_TOLERANCE, Air, Model, Receiver
 from sonarhw_sim.board.profile import Board, load_board, without_own_body
 from sonarhw_sim.room.room import Place, Room, load_room, place_doubts, room_doubts, warn_of_place
 
+from sonarhw import arguments
+from sonarhw.arguments import Warn, emit
 from sonarhw.device.fake_board import BoardIdentity, FakeBoard, Wires
 from sonarhw.device.faults import NO_FAULTS, Faults, FaultyDevice, faulty_identity, read_faults
 from sonarhw.device.protocol import Device
@@ -41,10 +44,9 @@ from sonarhw_compare.scans import (
     PlaceInput,
     RoomInput,
     ScanInput,
-    Warn,
     common_board,
-    emit,
     given_scan,
+    is_pair,
 )
 
 if TYPE_CHECKING:
@@ -73,6 +75,46 @@ def _silent(_share: float, _step: str = "") -> None:
     """Ignore progress."""
 
 
+# the arguments that several tasks have
+_ROOM = arguments.instance((Room, Path, str), "a room, its name or its file; `room_from_arrays` makes one of arrays")
+_BOARD = arguments.instance((Board, Path, str), "a board, its name or its file")
+_MODEL, _RECEIVER = arguments.choice(Model), arguments.choice(Receiver, or_none=True)
+_TOLERANCE = arguments.number(0, unit="m")
+
+
+def _comparison(name: str, value: object) -> object:
+    """Check the result of `compare`."""
+    from sonarhw_compare.explain import ScanComparison
+
+    return arguments.instance(ScanComparison, "the result of `compare`")(name, value)
+
+
+def _numbers_of_scans(name: str, value: object) -> list[float]:
+    """Check one number, or one for each scan."""
+    read = np.atleast_1d(arguments.numbers_in(name, value, "a number, or one for each scan"))
+    if read.ndim != 1 or not np.isfinite(read).all():
+        raise arguments.refusal(name, "a finite number, or one for each scan", value)
+    return [float(number) for number in read]
+
+
+def _sweeps(name: str, value: object) -> object:
+    """Check two numbers of sweeps, from 1, or None."""
+    if not isinstance(value, tuple | list) or len(value) != 2:
+        raise arguments.refusal(name, "two numbers of sweeps, or None", value)
+    return tuple(None if sweep is None else arguments.whole(1)(name, sweep) for sweep in value)
+
+
+@arguments.checked(
+    room=_ROOM,
+    board=_BOARD,
+    fit=arguments.words,
+    model=_MODEL,
+    receiver=_RECEIVER,
+    pings=arguments.whole(1),
+    room_tolerance=_TOLERANCE,
+    progress=arguments.function,
+    warn=arguments.function,
+)
 def compare(
     scan: ScanInput,
     room: RoomInput | None = None,
@@ -124,6 +166,7 @@ def compare(
     )
 
 
+@arguments.checked(comparison=_comparison, progress=arguments.function)
 def find_missing(comparison: "ScanComparison", progress: Tick = _silent) -> "FoundCauses":
     """Return the changes of the room that explain the misfits of a comparison. Raises InputError."""
     from sonarhw_compare.rooms.causes import find_causes
@@ -136,6 +179,7 @@ def find_missing(comparison: "ScanComparison", progress: Tick = _silent) -> "Fou
     return find_causes([row.reading for row in comparison.rows], prediction.room, place, board, progress)
 
 
+@arguments.checked(sweeps=_sweeps, warn=arguments.function)
 def compare_scans(
     first: ScanInput,
     second: ScanInput | None = None,
@@ -156,8 +200,11 @@ def compare_scans(
     names = [room.name for room in rooms if room is not None]
     if len(set(names)) > 1:
         warn(f"the logs contain different rooms, {names[0]!r} and {names[1]!r}; differences show this, too")
-    wanted = [None if room is None else scan.recorded_place(room) for scan, room in zip(pair, rooms, strict=True)]
-    places = [room.place(name) for room, name in zip(rooms, wanted, strict=True) if room is not None and name]
+    places = [
+        place
+        for scan, room in zip(pair, rooms, strict=True)
+        if (place := scan.pose if room is None else _recorded_place(scan, room))
+    ]
     if len(places) < 2:
         headings = [0.0, 0.0]
     else:
@@ -167,6 +214,11 @@ def compare_scans(
             warn(f"the places of the scans are {apart:.2f} m apart; differences by heading show this, too")
     series = [_series(*given) for given in zip(pair, headings, sweeps, strict=True)]
     return replace(scan_difference(series[0], series[1]), names=_names(pair, sweeps))
+
+
+def _recorded_place(scan: GivenScan, room: Room) -> Place | None:
+    place = scan.recorded_place(room)
+    return None if place is None else room.place(place)
 
 
 def _series(scan: GivenScan, heading: float, sweep: int | None) -> "HeadingSeries":
@@ -190,6 +242,14 @@ def _names(scans: tuple[GivenScan, GivenScan], sweeps: tuple[int | None, int | N
     return one, other
 
 
+@arguments.checked(
+    room=_ROOM,
+    board=_BOARD,
+    fit=arguments.words,
+    receiver=_RECEIVER,
+    progress=arguments.function,
+    warn=arguments.function,
+)
 def report(
     scan: ScanInput,
     room: RoomInput | None = None,
@@ -224,6 +284,14 @@ def report(
     return made
 
 
+@arguments.checked(
+    path=arguments.file_name,
+    room=_ROOM,
+    board=_BOARD,
+    fit=arguments.words,
+    receiver=_RECEIVER,
+    overwrite=arguments.flag,
+)
 def write_report(
     scan: ScanInput,
     path: Path | str,
@@ -250,6 +318,19 @@ def write_report(
         file.write(page)
 
 
+@arguments.checked(
+    room=_ROOM,
+    board=_BOARD,
+    free=arguments.words,
+    priors=arguments.words,
+    receiver=_RECEIVER,
+    samples=arguments.whole(0),
+    seed=arguments.whole(0),
+    room_tolerance=_TOLERANCE,
+    exact=arguments.flag,
+    progress=arguments.function,
+    warn=arguments.function,
+)
 def fit(
     scans: ScanInput | Sequence[ScanInput],
     room: RoomInput | None = None,
@@ -281,7 +362,7 @@ def fit(
     from sonarhw_compare.fit.result import FitOptions
 
     given = _given_scans(scans, board, warn)
-    setting = fit_setting(given, room, _places(places), board, _words(free), priors)
+    setting = fit_setting(given, room, _places(places), board, _words(free), _words(priors))
     for scan in setting.scans:
         if scan.place.name:  # otherwise the whole room is searched
             warn_of_place(setting.room, scan.place, warn)
@@ -294,6 +375,16 @@ def fit(
     return FittedScans(**vars(result), setting=setting)
 
 
+@arguments.checked(
+    room=_ROOM,
+    board=_BOARD,
+    receiver=_RECEIVER,
+    height=arguments.number(unit="m"),
+    heading=arguments.number(unit="rad"),
+    heading_deviation=arguments.number(0, unit="rad"),
+    progress=arguments.function,
+    warn=arguments.function,
+)
 def locate(
     scan: ScanInput,
     room: RoomInput | None = None,
@@ -334,6 +425,16 @@ def locate(
     return located
 
 
+@arguments.checked(
+    room=_ROOM,
+    board=_BOARD,
+    poses=arguments.file_name,
+    offset=arguments.number(unit="m"),
+    find=arguments.flag,
+    plan_next=arguments.flag,
+    progress=arguments.function,
+    warn=arguments.function,
+)
 def map_room(
     scans: ScanInput | Sequence[ScanInput],
     places: PlaceInput | Sequence[PlaceInput] | None = None,
@@ -427,6 +528,7 @@ def _with_poses(
 
 def _map_place(scan: GivenScan, wanted: PlaceInput | None, room: Room | None, warn: Warn) -> Place:
     """Return the given place, else the recorded one. Raises InputError if there is neither."""
+    wanted = scan.pose if wanted is None else wanted
     if room is None and isinstance(wanted, Place):
         return wanted
     if room is None and not scan.room_text:
@@ -443,6 +545,18 @@ def _map_place(scan: GivenScan, wanted: PlaceInput | None, room: Room | None, wa
     return place
 
 
+@arguments.checked(
+    board=_BOARD,
+    distances=_numbers_of_scans,
+    directions=_numbers_of_scans,
+    room=_ROOM,
+    reflectances=arguments.flag,
+    order=arguments.instance(ScanOrder, "a ScanOrder, such as that of `sector`"),
+    temperature=arguments.number(-40, 60, "°C"),
+    connect=arguments.function,
+    progress=arguments.function,
+    warn=arguments.function,
+)
 def calibrate(
     scans: ScanInput | Sequence[ScanInput],
     board: BoardInput | None = None,
@@ -685,8 +799,10 @@ def _fitted(
 
 def _several(scans: ScanInput | Sequence[ScanInput]) -> list[ScanInput]:
     """Return one or several scans as a list."""
-    single = isinstance(scans, str | Path | Log | GivenScan) or all(isinstance(one, Reading) for one in scans)
-    return [cast(ScanInput, scans)] if single else [*cast(Sequence[ScanInput], scans)]
+    if isinstance(scans, str | Path | Log | GivenScan) or is_pair(scans) or not isinstance(scans, Iterable):
+        return [cast(ScanInput, scans)]
+    several = [*cast(Sequence[ScanInput], scans)]
+    return [cast(ScanInput, several)] if all(isinstance(one, Reading) for one in several) else several
 
 
 def _given_scans(scans: ScanInput | Sequence[ScanInput], board: BoardInput | None, warn: Warn) -> list[GivenScan]:
@@ -709,6 +825,8 @@ def _places(given: PlaceInput | Sequence[PlaceInput] | None) -> list[PlaceInput]
     """Return places as a list; two or three numbers are one place."""
     if given is None:
         return []
+    if not isinstance(given, Iterable) and not isinstance(given, Place):
+        raise arguments.refusal("places", "a place, or a place for each scan", given)
     parts = [given] if isinstance(given, Place | str) else [*given]
     is_pose = parts and all(isinstance(part, numbers.Real) for part in parts)
     return [cast("Sequence[float]", parts)] if is_pose else cast("list[PlaceInput]", parts)
@@ -858,6 +976,12 @@ Find: TypeAlias = Callable[[], str]  # returns the URL to open with pyserial now
 SCHEMES: dict[str, Callable[[str, Warn], AbstractContextManager[Find]]] = {SCHEME: serve_fake}
 
 
+@arguments.checked(
+    url=arguments.text,
+    patience=arguments.number(0, unit="s"),
+    reconnect=arguments.number(0, unit="s"),
+    warn=arguments.function,
+)
 def open_scanner(
     url: str,
     *,

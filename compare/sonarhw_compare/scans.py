@@ -3,19 +3,21 @@
 import csv
 import io
 import math
-import sys
-import warnings
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeAlias
 
-from sonarhw_sim.air import DEFAULT_BOARD
+import numpy as np
+from numpy.typing import ArrayLike
+from sonarhw_sim.air import DEFAULT_BOARD, Air
 from sonarhw_sim.board.profile import Board, load_board, parse_board
-from sonarhw_sim.room.room import Place, Room, load_room, parse_room
+from sonarhw_sim.room.room import Place, Room, load_room, parse_room, place_at
 
-from sonarhw.errors import InputError, OutputError, counted_are, harmless
+from sonarhw import arguments
+from sonarhw.arguments import Warn, emit
+from sonarhw.errors import InputError, OutputError, counted, counted_are, harmless
 from sonarhw.export import number, text_cell
 from sonarhw.files import atomic_file
 from sonarhw.log import Log, LogMetadata, read_log
@@ -50,7 +52,6 @@ def board_of_log(metadata: LogMetadata) -> Board:
 RoomInput: TypeAlias = Room | Path | str
 PlaceInput: TypeAlias = Place | Sequence[float] | FloatArray | str
 BoardInput: TypeAlias = Board | Path | str
-Warn: TypeAlias = Callable[[str], None]  # receives a warning
 
 
 @dataclass(frozen=True)
@@ -64,11 +65,19 @@ class GivenScan:
     readings: tuple[Reading, ...]
     log: Log | None = None
     file: Path | None = None  # of the log
+    pose: Place | None = None  # of a scan without a log
+
+    def __repr__(self) -> str:
+        echoes = sum(reading.range is not None for reading in self.readings)
+        where = "" if self.pose is None else f", at {self.pose.name}"
+        return f"GivenScan({self.where!r}, {counted(len(self.readings), 'reading')}, {echoes} with an echo{where})"
 
     def __post_init__(self) -> None:
         if not self.readings:
             raise InputError(f"{self.where}: contains no readings")
         for reading in self.readings:
+            if not isinstance(reading, Reading):
+                raise arguments.refusal("readings", "readings", reading)
             if not math.isfinite(reading.angle) or (reading.range is not None and not math.isfinite(reading.range)):
                 raise InputError(
                     f"{self.where}: the range or angle of reading {reading.number} is unknown; a log without "
@@ -112,9 +121,9 @@ class GivenScan:
             )
         return room.place(wanted)
 
-    def recorded_place(self, room: Room) -> str | None:
-        """Return the place in the log, if the room has it or it is X,Y; else None."""
-        return None if self.log is None else place_of_log(self.log.metadata, room)
+    def recorded_place(self, room: Room) -> Place | str | None:
+        """Return the pose of a scan from arrays, else the place in the log, if the room has it or it is X,Y."""
+        return self.pose if self.log is None else place_of_log(self.log.metadata, room)
 
     @property
     def notes(self) -> "PlacedNotes":
@@ -137,7 +146,7 @@ class GivenScan:
         return load_board(DEFAULT_BOARD) if self.log is None else board_of_log(self.log.metadata)
 
 
-ScanInput: TypeAlias = Path | str | Log | Sequence[Reading] | GivenScan
+ScanInput: TypeAlias = Path | str | Log | Sequence[Reading] | tuple[ArrayLike, ArrayLike] | GivenScan
 
 
 def common_board(scans: Sequence[GivenScan], given: BoardInput | None) -> Board:
@@ -153,18 +162,11 @@ def common_board(scans: Sequence[GivenScan], given: BoardInput | None) -> Board:
     return boards[0]
 
 
-def emit(message: str) -> None:
-    """Emit a Python warning at the line that called these packages."""
-    depth, frame = 2, sys._getframe(1)
-    while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith("sonarhw"):
-        depth, frame = depth + 1, frame.f_back
-    warnings.warn(message, stacklevel=depth)
-
-
 def given_scan(scan: ScanInput, warn: Warn = emit) -> GivenScan:
-    """Return a scan from a log, the file of a log, or readings. Raises InputError if there is no reading.
+    """Return a scan from a log, the file of a log, readings, or a pair of headings and ranges.
 
-    Warns if the file is torn or damaged, or if its angles may be wrong.
+    Warns if the file is torn or damaged, or if its angles may be wrong. Raises InputError if it is nothing of this, or
+    if there is no reading.
     """
     if isinstance(scan, GivenScan):
         return scan
@@ -175,7 +177,106 @@ def given_scan(scan: ScanInput, warn: Warn = emit) -> GivenScan:
         return GivenScan(str(scan), log.readings, log, Path(scan))
     if isinstance(scan, Log):
         return GivenScan("the log", scan.readings, scan)
-    return GivenScan("the scan", tuple(scan))
+    if is_pair(scan):
+        return scan_from_arrays(*scan)
+    readings = [*scan] if isinstance(scan, Iterable) else [scan]
+    for reading in readings:
+        if not isinstance(reading, Reading):
+            raise arguments.refusal("scan", _SCAN, scan)
+    return GivenScan("the scan", tuple(readings))
+
+
+def is_pair(scan: object) -> bool:
+    """Return whether this is a pair of headings (n,) and ranges, and not two scans."""
+    if not isinstance(scan, tuple | list) or len(scan) != 2:
+        return False
+    try:
+        headings = np.asarray(scan[0])
+    except ValueError:  # rows of several lengths
+        return False
+    return headings.ndim == 1 and headings.dtype.kind in "iuf"
+
+
+_SCAN = "a log, its file, readings, (headings, ranges), or a scan of `scan_from_arrays`"
+_RANGES = "metres, (n,), (n, pings) or (n, pings, echoes), with NaN for no echo"
+
+
+@arguments.checked(degrees=arguments.flag, speed_of_sound=arguments.number(1, unit="m/s"))
+def scan_from_arrays(
+    headings: ArrayLike,
+    ranges: ArrayLike,
+    *,
+    pose: PlaceInput | None = None,
+    times: ArrayLike | None = None,
+    degrees: bool = False,
+    speed_of_sound: float | None = None,
+) -> GivenScan:
+    """Return a scan from arrays, for `compare`, `fit`, `locate`, `map_room`, `write_report` and `compare_scans`.
+
+    `headings` (n,) rad are counter-clockwise from the heading of the pose. `ranges` are m: (n,), or (n, p) for p pings
+    at each heading, or (n, p, e) with the e echoes of each ping, earliest first. NaN, inf or None means no echo.
+    `pose` is x and y in m and no heading or one in rad, counter-clockwise from x. With `degrees`, `headings` and that
+    heading are degrees. `times` (n,) s are those of the pings, by default 0.1 s apart. `speed_of_sound` (m/s), by
+    default that at 20 °C, only converts ranges to times of echoes. Raises InputError. Warns if angles are probably
+    degrees, or ranges centimetres.
+    """
+    turned = arguments.in_radians("headings", arguments.angles("headings", headings), degrees)
+    echoes = _echoes(ranges, len(turned))
+    arguments.warn_of_centimetres("ranges", echoes[..., 0])
+    started = 0.1 * np.arange(len(turned)) if times is None else _times(times, len(turned))
+    speed = Air().speed_of_sound if speed_of_sound is None else speed_of_sound
+    pings = echoes.shape[1]
+    readings = [
+        Reading(
+            number=row * pings + ping,
+            sweep=0,
+            ping=ping,
+            angle=angle,
+            time=time,
+            echo_times=tuple(2 * echo / speed for echo in of_ping if math.isfinite(echo)),
+            speed_of_sound=speed,
+            origin=Origin.IMPORTED,
+        )
+        for row, (angle, time, of_heading) in enumerate(
+            zip(turned.tolist(), started.tolist(), echoes.tolist(), strict=True)
+        )
+        for ping, of_ping in enumerate(of_heading)
+    ]
+    return GivenScan("the scan", tuple(readings), pose=None if pose is None else _pose(pose, degrees))
+
+
+def _echoes(ranges: ArrayLike, headings: int) -> FloatArray:
+    """Return the echoes of each ping, (n, pings, echoes) m, not finite without an echo. Raises InputError."""
+    read = arguments.numbers_in("ranges", ranges, _RANGES)
+    read = np.atleast_1d(read)
+    if not 1 <= read.ndim <= 3 or 0 in read.shape[1:]:
+        raise arguments.refusal("ranges", _RANGES, read)
+    if len(read) != headings:
+        raise InputError(f"ranges: expected one row for each of {counted(headings, 'heading')}, got {len(read)}")
+    if (read <= 0).any():
+        row = int(np.argwhere(read <= 0)[0, 0])
+        raise InputError(f"ranges: expected metres above 0, got {read[read <= 0][0]:g} at index {row}; NaN is no echo")
+    echoes = read.reshape(*read.shape, *(1,) * (3 - read.ndim))
+    ordered = np.where(np.isfinite(echoes), echoes, np.inf)
+    if (ordered[..., 1:] < ordered[..., :-1]).any():
+        raise InputError("ranges: expected the echoes of each ping in order, the nearest first, and NaN after the last")
+    return echoes
+
+
+def _times(times: ArrayLike, headings: int) -> FloatArray:
+    read = arguments.numbers_in("times", times, "seconds, (n,)")
+    if read.shape != (headings,) or not np.isfinite(read).all():
+        raise arguments.refusal("times", f"finite seconds, ({headings},), one for each heading", read)
+    return read
+
+
+def _pose(pose: PlaceInput, degrees: bool) -> Place:
+    """Return the place of x, y and heading. Raises InputError."""
+    if isinstance(pose, Place):
+        return pose
+    place = place_at("pose", pose, degrees)
+    arguments.warn_of_degrees("pose", np.array([place.heading]))
+    return place
 
 
 # The notes file of a log, `LOG.notes.csv`: one line for each note. The log itself is never changed.

@@ -48,6 +48,7 @@ from sonarhw_sim.room.room import Place, Room, load_room, parse_room, with_air, 
 from sonarhw_sim.room.room_file import AirSection, Material, RoomFile
 from sonarhw_sim.space.sections import cut, spanning_at
 
+from sonarhw import arguments
 from sonarhw.errors import InputError, MissingExtra, OutputError, WorkersLost
 from sonarhw.files import atomic_file, open_input
 from sonarhw.readings import FloatArray, headings_between, sector
@@ -330,8 +331,10 @@ class Study:
         return self.draws * self.points
 
 
-def load_study(path: Path) -> Study:
+@arguments.checked(path=arguments.file_name)
+def load_study(path: Path | str) -> Study:
     """Return the study in a file; rooms and boards are files relative to it, or included ones. Raises InputError."""
+    path = Path(path)
     text = read_text(path, "study file")
     file = parse_toml(text, str(path), StudyFile)
     rooms = tuple(_read_room(section, path, number) for number, section in enumerate(file.rooms))
@@ -932,6 +935,7 @@ def _table(folder: Path) -> "pa.Table":
     return pa.concat_tables([pq.read_table(part) for part in parts]).combine_chunks()
 
 
+@arguments.checked(folder=arguments.file_name)
 def read_study(folder: Path | str) -> "xr.Dataset":
     """Return the results of a study, with figures as variables along `scan` and varied values as coordinates.
 
@@ -1025,9 +1029,17 @@ def parts_on_cluster(study: Study, numbers: Sequence[int], scheduler: str) -> Ge
 # Running a study: compute and write the missing parts, then finish the folder.
 
 
+@arguments.checked(
+    study=arguments.instance(Study, "the result of `load_study`"),
+    folder=arguments.file_name,
+    workers=arguments.whole(1),
+    scheduler=arguments.text,
+    resume=arguments.flag,
+    progress=arguments.function,
+)
 def run_study(
     study: Study,
-    folder: Path,
+    folder: Path | str,
     *,
     workers: int | None = None,
     scheduler: str | None = None,
@@ -1042,6 +1054,7 @@ def run_study(
     complete parts are kept.
     """
     check_arrow()  # now, rather than after the first predictions
+    folder = Path(folder)
     target = StudyFolder(folder, study)
     numbers = target.begin(resume)
     for _ in range(part_count(study) - len(numbers)):

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
 
+from sonarhw import arguments
 from sonarhw.device.fake_board import BoardIdentity, FakeBoard, WiringFault, read_wiring_faults
 from sonarhw.errors import InputError
 from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
@@ -68,6 +69,7 @@ _KINDS = {kind.text: kind for kind in FaultKind}
 KNOWN = (*_LASTING, *_KINDS)
 
 
+@arguments.checked(spec=arguments.text)
 def read_faults(spec: str) -> Faults:
     """Return the faults in a text such as `drop=1/5000,reset@r20,unplug=1@~30`. An empty text means no faults.
 

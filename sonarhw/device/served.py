@@ -18,6 +18,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Literal, Protocol
 
+from sonarhw import arguments
 from sonarhw.device.protocol import Device
 from sonarhw.errors import InputError, LinkError
 from sonarhw.wire.frames import Frame, encode_frame
@@ -339,9 +340,10 @@ def check_pace(pace: Pace) -> Pace:
 def read_pace(text: str) -> Pace:
     """Return the pace for `real`, `max` or a factor above 0. Raises InputError for anything else."""
     try:
-        return check_pace(float(text))
+        factor = float(text)
     except ValueError:
         return check_pace(text)  # type: ignore[arg-type]  # check_pace accepts the two words only
+    return check_pace(factor)
 
 
 class Endpoint:
@@ -446,6 +448,7 @@ class Endpoint:
         self._pending = b""
 
 
+@arguments.checked(pty=arguments.file_name, tcp=arguments.text)
 @contextmanager
 def serve(device: Device, pty: Path | None = None, tcp: str | None = None, pace: Pace = "real") -> Iterator[Endpoint]:
     """Serve `device` in a separate thread, which ends with the block. Raises what `open_server_port` raises.

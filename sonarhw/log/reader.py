@@ -20,6 +20,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from sonarhw import arguments
 from sonarhw.errors import NotALog, counted
 from sonarhw.log import mcap_records
 from sonarhw.readings import FloatArray, Origin, Reading, Trace, lost_steps_clause, split_at_homings, unverified_clause
@@ -756,6 +757,7 @@ _UNKNOWN = LogMetadata("unknown", 0.0, product_version="unknown")
 _Speeds = dict[tuple[int, float], float]  # m/s, by number and device time (µs) of the reading
 
 
+@arguments.checked(path=arguments.file_name)
 def read_log(path: Path | str) -> Log:
     """Return everything readable in a log. `torn` states where it ends too early or is damaged.
 

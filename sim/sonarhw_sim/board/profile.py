@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, field_validator, model_validator
 
+from sonarhw import arguments
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray, Reading
 from sonarhw_sim.air import Air, EdgeStrength, Receiver, Unit, absorption
@@ -468,6 +469,10 @@ class Board:
     axis_y: float = 0.0
     own_body: OwnBody = ()  # echoes of the carrier, which are no echoes of the room
 
+    def __repr__(self) -> str:
+        carrier = "" if self.ring is None else f", ring of {self.ring.sensors}"
+        return f"Board({self.name!r}, {self.frequency:g} Hz, up to {self.max_range:g} m{carrier})"
+
     @property
     def mounting(self) -> Mount | Ring:
         """The mount or ring that carries the transducers."""
@@ -562,6 +567,7 @@ def axis_beside(mark: tuple[float, float], heading: float, ahead: float, left: f
     return mark[0] + ahead * cosine - left * sine, mark[1] + ahead * sine + left * cosine
 
 
+@arguments.checked(name=arguments.file_name)
 def load_board(name: Path | str) -> Board:
     """Return a shipped profile by name, or the one in a file. Raises InputError if it is unknown or wrong.
 

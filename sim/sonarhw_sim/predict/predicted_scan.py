@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sonarhw.readings import FloatArray
+from sonarhw.errors import counted
+from sonarhw.readings import FloatArray, same_values
 from sonarhw_sim.air import Receiver, Unit
 from sonarhw_sim.board.beam import (
     BoolArray,
@@ -346,9 +347,9 @@ def _last_legs(paths: Paths) -> FloatArray:
 _FREQUENCIES = 25  # at which the reflections of a path are multiplied
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PredictedScan:
-    """The readings that a board is predicted to report at one place."""
+    """The readings that a board is predicted to report at one place. Scans are equal if all their values are equal."""
 
     room: Room
     place: Place
@@ -366,6 +367,17 @@ class PredictedScan:
     seed: int = 0  # of the noise
     grain: int | None = None  # seed of the speckle of rough surfaces; None: their mean power
     of_own_body: BoolArray | None = None  # (n,): which readings are of the carrier's own body; None: none
+
+    def __eq__(self, other: object) -> bool:
+        return same_values(self, other) if isinstance(other, PredictedScan) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash((self.room, self.place, self.board, len(self.headings), len(self.paths)))
+
+    def __repr__(self) -> str:
+        x, y = self.place.position
+        echoes = f"{np.isfinite(self.distances).sum()} of {counted(len(self.headings), 'heading')} with an echo"
+        return f"PredictedScan({self.board.name!r} at {x:g}, {y:g} m in {self.room.name!r}, {echoes})"
 
     @property
     def ranges(self) -> FloatArray:

@@ -1,14 +1,14 @@
 """Predict a scan by one of the models: options, paths of a place, and the reading at each heading."""
 
 import math
-import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sonarhw import arguments
 from sonarhw.readings import FloatArray
 from sonarhw_sim.air import DEFAULT_BOARD, EdgeStrength, Model, Receiver, Unit
 from sonarhw_sim.board.profile import Board, load_board
@@ -43,6 +43,23 @@ _DIFFRACTED_ALONE = 3.0
 _PATCH = 0.01  # share of the faintest amplitude of other paths: the power of many patches adds up
 
 
+_OPTIONS: dict[str, arguments.Check] = {
+    "unit": arguments.choice(Unit),
+    "max_bounces": arguments.whole(0),
+    "diffraction": arguments.flag,
+    "rays": arguments.whole(1),
+    "edge_strength": arguments.choice(EdgeStrength),
+    "receiver": arguments.choice(Receiver),
+    "noise": arguments.number(0),
+    "seed": arguments.whole(0),
+    "single": arguments.flag,
+    "grain": arguments.whole(0),
+    "sections": arguments.whole(1),
+    "own_body": arguments.flag,
+}
+_OR_NONE = ("edge_strength", "receiver", "seed", "grain")
+
+
 @dataclass(frozen=True)
 class PredictionOptions:
     """Options of a prediction; the defaults are those of every command."""
@@ -59,6 +76,12 @@ class PredictionOptions:
     grain: int | None = None  # seed of the speckle of rough surfaces; None: their mean power
     sections: int = 1  # number of horizontal sections across the face, for a place with a height
     own_body: bool = False  # also the echoes of the carrier's own body (`own_body` of the board)
+
+    def __post_init__(self) -> None:
+        for name, check in _OPTIONS.items():
+            value = getattr(self, name)
+            if value is not None or name not in _OR_NONE:
+                object.__setattr__(self, name, check(name, value))
 
     def receiver_of(self, board: Board, model: Model = Model.RAY_FOLLOWING) -> Receiver:
         """Return the receiver of a prediction; models of nearest walls have the paper's, unless one is chosen."""
@@ -330,27 +353,39 @@ def _there_and_back(starts: FloatArray, directions: FloatArray, distances: Float
 _STEP = 5  # degrees, as in `sonarhw simulate`
 
 
+@arguments.checked(
+    room=arguments.instance((Room, Path, str), "a room, its name or its file; `room_from_arrays` makes one of arrays"),
+    board=arguments.instance((Board, Path, str), "a board, its name or its file"),
+    degrees=arguments.flag,
+    model=arguments.choice(Model),
+    options=arguments.instance(PredictionOptions, "PredictionOptions"),
+)
 def predict(
     room: Room | Path | str,
-    place: Place | tuple[float, float] | str | None = None,
+    place: Place | Sequence[float] | FloatArray | str | None = None,
     board: Board | Path | str = DEFAULT_BOARD,
     headings: ArrayLike | None = None,
     *,
+    degrees: bool = False,
     model: Model = Model.RAY_FOLLOWING,
     options: PredictionOptions | None = None,
 ) -> PredictedScan:
     """Return the scan that a board is predicted to report at a place of a room.
 
-    Room and board are objects, names or files. The place is a name, its x and y in m, or an object; by default the only
-    place of the room. `headings` (n,) are rad in the room, by default a whole turn in steps of 5 degrees, or those of
-    the sensors of a ring. The default options have the receiver of the board profile. Raises InputError.
-    Emits a Python warning if the place is outside the room or inside an object.
+    Room and board are objects, names or files. The place is a name, x and y in m with no heading or one in rad, or an
+    object; by default the only place of the room. `headings` (n,) are rad in the room, or degrees with `degrees`; by
+    default a whole turn in steps of 5 degrees, or those of the sensors of a ring. The default options have the receiver
+    of the board profile. Raises InputError. Emits a Python warning if the place is outside the room or inside an
+    object, or if headings are probably degrees.
     """
     room = room if isinstance(room, Room) else load_room(room)
     profile = board if isinstance(board, Board) else load_board(board)
     here = room.place(place)
     for doubt in place_doubts(room, here):
-        warnings.warn(doubt, stacklevel=2)
+        arguments.emit(doubt)
     if headings is None:
-        headings = np.radians(np.arange(0, 360, _STEP)) if profile.ring is None else profile.ring.headings(here)
-    return predict_with(model, room, here, profile, np.atleast_1d(np.asarray(headings, dtype=np.float64)), options)
+        radians = np.radians(np.arange(0, 360, _STEP)) if profile.ring is None else profile.ring.headings(here)
+    else:
+        radians = arguments.angles("headings", headings)
+        radians = arguments.in_radians("headings", radians, degrees)
+    return predict_with(model, room, here, profile, radians, options)

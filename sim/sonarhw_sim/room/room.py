@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sonarhw.errors import InputError
-from sonarhw.readings import FloatArray
+from sonarhw import arguments
+from sonarhw.errors import InputError, counted
+from sonarhw.readings import FloatArray, same_values
 from sonarhw_sim.air import Air
 from sonarhw_sim.files import Shipped, parse_toml
 from sonarhw_sim.room.edges import Edges, EdgesByHeight, edges_on_walls, find_edges, find_edges_by_height
@@ -322,10 +323,34 @@ class Place:
     heading: float = 0.0  # rad: direction of the turntable's step 0 in the room
     height: float | None = None  # m, of the transducer; None: only the plan is used
 
+    def __post_init__(self) -> None:
+        if isinstance(self.position, tuple) and len(self.position) == 2:
+            x, y = self.position
+            if type(x) is float is type(y) and type(self.heading) is float:
+                self._check()
+                return
+        position = arguments.numbers_in("position", self.position, "x and y in metres")
+        if position.shape != (2,):
+            raise arguments.refusal("position", "x and y in metres", self.position)
+        object.__setattr__(self, "position", tuple(position.tolist()))
+        object.__setattr__(self, "heading", arguments.number(unit="rad")("heading", self.heading))
+        self._check()
+
+    def _check(self) -> None:
+        if not isinstance(self.name, str):
+            raise arguments.refusal("name", "a text", self.name)
+        x, y = self.position
+        if not (abs(x) <= MAX_COORDINATE and abs(y) <= MAX_COORDINATE):
+            raise InputError(f"place {self.name!r}: expected two numbers X,Y in metres, none over {MAX_COORDINATE:g}")
+        if not math.isfinite(self.heading):
+            raise InputError(f"place {self.name!r}: expected a finite heading")
+        if self.height is not None:
+            arguments.number(unit="m")("height", self.height)
+
 
 @dataclass(frozen=True, eq=False)
 class Room:
-    """All surfaces of a room, its air, and its places. Two rooms are equal only if they are the same object."""
+    """All surfaces of a room, its air, and its places. Rooms are equal if their values and their texts are equal."""
 
     name: str
     walls: FloatArray  # (n, 4): x, y of start and end, m
@@ -342,6 +367,16 @@ class Room:
     text: str  # of the file, so that a log can contain it
     tables: Mapping[str, ReflectanceTable] = field(default_factory=dict)  # of the materials that have one
     lids: tuple[Lid, ...] = ()  # the last surfaces
+
+    def __eq__(self, other: object) -> bool:
+        return same_values(self, other) if isinstance(other, Room) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash((self.name, self.text, self.names))
+
+    def __repr__(self) -> str:
+        size = f"{counted(len(self.walls), 'wall')}, {counted(len(self.posts), 'post')}"
+        return f"Room({self.name!r}, {size}, places: {', '.join(self.places) or 'none'})"
 
     @cached_property
     def surfaces(self) -> Surfaces:
@@ -433,31 +468,23 @@ class Room:
                 return next(iter(self.places.values()))
             raise InputError(f"room {self.name!r}: give a place, or X,Y in metres; {self._known_places()}")
         if isinstance(name, str):
-            return self.places[name] if name in self.places else self._place_at(name, *self._typed_pose(name))
-        numbers = _numbers(name)
-        if numbers is None or len(numbers) not in (2, 3):
-            raise InputError(f"place {name!r}: expected x and y in metres, and no heading or one in radians")
-        # the name appears in titles; millimetres are enough
-        shown = (*numbers[:2], *(math.degrees(heading) for heading in numbers[2:]))
-        return self._place_at(",".join(f"{round(number, 3) + 0.0:.9g}" for number in shown), *numbers)
+            return self.places[name] if name in self.places else self._free_place(self._typed_place(name))
+        return self._free_place(place_at("place", name))
 
-    def _typed_pose(self, name: str) -> tuple[float, ...]:
+    def _typed_place(self, name: str) -> Place:
         try:
-            return read_pose(name)
+            x, y, *heading = read_pose(name)
         except ValueError as error:
             hint = " without a space" if name.endswith(",") else ""
             raise InputError(
                 f"room {self.name!r}: no place {name!r}; {self._known_places()}, or X,Y in metres{hint}"
             ) from error
+        return Place(name, (x, y), sum(heading, 0.0))
 
-    def _place_at(self, name: str, x: float, y: float, heading: float = 0.0) -> Place:
-        if not (abs(x) <= MAX_COORDINATE and abs(y) <= MAX_COORDINATE):
-            raise InputError(f"place {name!r}: expected two numbers X,Y in metres, none over {MAX_COORDINATE:g}")
-        if not math.isfinite(heading):
-            raise InputError(f"place {name!r}: expected a finite heading")
-        for post in self.posts_at((x, y)):
-            raise InputError(f"place {name!r} lies inside post {self.names[post]!r}; sound cannot leave it")
-        return Place(name, (x, y), heading)
+    def _free_place(self, place: Place) -> Place:
+        for post in self.posts_at(place.position):
+            raise InputError(f"place {place.name!r} lies inside post {self.names[post]!r}; sound cannot leave it")
+        return place
 
     def _known_places(self) -> str:
         return f"its places: {', '.join(self.places)}" if self.places else "it has no places"
@@ -471,15 +498,23 @@ def read_pose(text: str) -> tuple[float, ...]:
     return x, y, *map(math.radians, degrees)
 
 
-def _numbers(values: object) -> tuple[float, ...] | None:
-    """Return a sequence of numbers, or None if the values are none."""
-    try:
-        numbers = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        return None
-    return tuple(numbers.tolist()) if numbers.ndim == 1 else None
+def place_at(name: str, pose: object, degrees: bool = False) -> Place:
+    """Return the place of x and y (m), and no heading or one in rad, or in degrees.
+
+    `name` is that of the argument. Raises InputError for anything else.
+    """
+    expected = f"x and y in metres, and no heading or one in {'degrees' if degrees else 'radians'}"
+    read = arguments.numbers_in(name, pose, expected)
+    if read.shape not in ((2,), (3,)):
+        raise arguments.refusal(name, expected, pose)
+    x, y, *turn = read.tolist()
+    heading = math.radians(turn[0]) if turn and degrees else sum(turn, 0.0)
+    # the name appears in titles; millimetres are enough
+    shown = (x, y, *(math.degrees(heading) for _ in turn))
+    return Place(",".join(f"{round(number, 3) + 0.0:.9g}" for number in shown), (x, y), heading)
 
 
+@arguments.checked(name=arguments.file_name)
 def load_room(name: Path | str) -> Room:
     """Return a shipped room by name, or the room in a file. Raises InputError with file, key and reason if it is wrong.
 

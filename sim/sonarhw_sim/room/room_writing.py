@@ -17,6 +17,7 @@ from tomlkit.container import Container
 from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import AoT, Array, Comment, Table, Trivia, Whitespace
 
+from sonarhw import arguments
 from sonarhw.errors import InputError
 from sonarhw.files import atomic_file
 from sonarhw_sim.air import Air
@@ -232,11 +233,13 @@ def section(document: Document, *names: str) -> Document:
     return document
 
 
-def save_room(room: Room, path: Path, overwrite: bool = False) -> None:
+@arguments.checked(room=arguments.instance(Room, "a room"), path=arguments.file_name, overwrite=arguments.flag)
+def save_room(room: Room, path: Path | str, overwrite: bool = False) -> None:
     """Write the room's text, completely or not at all.
 
     Raises InputError if the file exists already (unless `overwrite`), OutputError if it cannot be written.
     """
+    path = Path(path)
     if path.exists() and not overwrite:
         raise InputError(f"{path}: exists already; choose another name, or allow overwriting")
     with atomic_file(path, "folder", overwrite=overwrite) as file:

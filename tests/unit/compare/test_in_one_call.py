@@ -175,7 +175,7 @@ def test_jupyter_gets_a_figure_as_a_picture_before_pyplot_is_used() -> None:
 
 def test_a_wrong_argument_states_what_is_expected(log: Path) -> None:
     with pytest.raises(
-        InputError, match=r"place \(0.5, 0.5, 0.5, 0.5\): expected x and y in metres, and no heading or"
+        InputError, match=r"place: expected x and y in metres, and no heading or .* got \(0.5, 0.5, 0.5, 0.5\)"
     ):
         sonarhw.compare(log, place=(0.5, 0.5, 0.5, 0.5))
     with pytest.raises(TypeError, match="draw_map: expected the RoomMap that map_scans returns, got Log"):
