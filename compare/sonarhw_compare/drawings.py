@@ -486,7 +486,7 @@ _SHADES = "Greys"  # empty is white, unknown grey, occupied black
 
 
 @arguments.checked(
-    found=arguments.instance(RoomMap, "the map of `map_scans`, `map` of the result of `map_room`"),
+    found=arguments.instance(RoomMap, "the map of `map_scans`, or `baseline` of the result of `map_room`"),
     room=arguments.instance(Room, "a room"),
 )
 def draw_map(found: RoomMap, room: Room | None = None) -> Figure:
