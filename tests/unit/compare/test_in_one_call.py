@@ -178,7 +178,7 @@ def test_a_wrong_argument_states_what_is_expected(log: Path) -> None:
         InputError, match=r"place: expected x and y in metres, and no heading or .* got \(0.5, 0.5, 0.5, 0.5\)"
     ):
         sonarhw.compare(log, place=(0.5, 0.5, 0.5, 0.5))
-    with pytest.raises(InputError, match="found: expected the map of `map_scans`, .* got an object of type Log"):
+    with pytest.raises(InputError, match=r"found: expected the map of `map_scans`, .* got an object of type Log"):
         sonarhw.draw_map(sonarhw.read_log(log))  # type: ignore[arg-type]
 
 
