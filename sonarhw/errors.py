@@ -167,6 +167,34 @@ def counted_are(count: int, noun: str) -> str:
     return f"{counted(count, noun)} {'is' if count == 1 else 'are'}"
 
 
+# cells of CSV
+
+
+_FORMULA = tuple("=+-@＝＋－＠")  # first characters of a formula; a tab and a line break are escaped
+
+
+def number(value: float) -> str:
+    """Return a number with 9 significant digits, as in every CSV of this project; never `-0`."""
+    return f"{value + 0.0:.9g}"
+
+
+def text_cell(text: str) -> str:
+    """Return a name as a CSV cell. No spreadsheet takes it for a formula; control characters are escapes.
+
+    See OWASP, CSV injection: a cell that begins with one of `=+-@` is a formula, and may start a program.
+    """
+    cell = harmless(text)
+    return f"'{cell}" if cell.startswith(_FORMULA) and not _is_number(cell) else cell
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
 # JSON that every parser accepts
 
 

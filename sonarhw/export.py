@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, BinaryIO
 
-from sonarhw.errors import harmless
+from sonarhw.errors import number, text_cell
 
 if TYPE_CHECKING:
     from sonarhw.log import Log
@@ -14,7 +14,6 @@ if TYPE_CHECKING:
 # readings as lines of CSV: the output of `scan --print` and of `log export`
 
 
-_FORMULA = tuple("=+-@＝＋－＠")  # first characters of a formula; a tab and a line break are escaped
 HEADER = "time_s,heading_deg,range_m,echoes_s"
 _QUOTED = tuple(',"')  # characters in a cell that needs quotes; line breaks are escaped
 
@@ -44,30 +43,8 @@ def write_csv(log: "Log", file: BinaryIO, notes: Mapping[int, str]) -> None:
             place += 1
 
 
-def number(value: float) -> str:
-    """Return a number with 9 significant digits, as in every CSV of this project; never `-0`."""
-    return f"{value + 0.0:.9g}"
-
-
-def text_cell(text: str) -> str:
-    """Return a name as a CSV cell. No spreadsheet takes it for a formula; control characters are escapes.
-
-    See OWASP, CSV injection: a cell that begins with one of `=+-@` is a formula, and may start a program.
-    """
-    cell = harmless(text)
-    return f"'{cell}" if cell.startswith(_FORMULA) and not _is_number(cell) else cell
-
-
 def _quoted(cell: str) -> str:
     return '"' + cell.replace('"', '""') + '"' if any(mark in cell for mark in _QUOTED) else cell
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 # file formats: an entry in FORMATS is all that the command and the window need

@@ -48,6 +48,23 @@ class Origin(StrEnum):
     IMPORTED = "imported"  # from a CSV file of another program, which does not state its source
 
 
+# the origin follows from the writer of a log and the identity of its device, so old logs have one too
+FAKE_FIRMWARE = "sonarhw-fake"  # first word in the firmware of a fake scanner
+EMULATED_SERIAL = "EMULATED"  # serial number of the emulated board
+_WRITER = "sonarhw {}"  # start of the firmware in a log that a command wrote without a scanner
+_BY_WRITER = {"simulate": Origin.SIMULATED, "import": Origin.IMPORTED}
+
+
+def origin_of(made_by: str, firmware: str, serial: str) -> Origin:
+    """Return the origin of the readings in a log, from its writer and the identity of its device."""
+    for writer, origin in _BY_WRITER.items():
+        if made_by == writer or firmware.startswith(_WRITER.format(writer)):
+            return origin
+    if firmware.startswith(FAKE_FIRMWARE) or serial == EMULATED_SERIAL:
+        return Origin.FAKE
+    return Origin.MEASURED
+
+
 class Trace:
     """The sampled receive signal of one ping (A-scan), its envelope or its carrier; 1.0 is the converter's full scale.
 

@@ -130,20 +130,20 @@ def calibrate(
         options.check_temperature(temperature)
         # of an option that is given twice, the last one counts, as in other commands
         distance, direction = (distances or [])[-1:], (directions or [0.0])[-1]
-        found = _with_scanner(sources, distance, direction, room_name, board, (width, step, pings), temperature)
+        calibration = _with_scanner(sources, distance, direction, room_name, board, (width, step, pings), temperature)
     else:
         reason = "is for a scan by a scanner; remove it, or give a URL in place of logs"
         options.refuse_given(context, _OF_A_SCAN, reason)
         if room_name is None:
-            found = _with_plates(logs, distances or [], directions or [], board)
+            calibration = _with_plates(logs, distances or [], directions or [], board)
         else:
-            found = _in_room(logs, room_name, places or [], poses or [], board, reflectances=room_out is not None)
+            calibration = _in_room(logs, room_name, places or [], poses or [], board, reflectances=room_out is not None)
     name = out.stem.encode(errors="replace").decode()
-    if found.findings:
-        write_text(out, found.profile(name).text, force)
+    if calibration.findings:
+        write_text(out, calibration.profile(name).text, force)
     if room_name is not None:
-        _write_room_and_picture(found, name, room_out, plot, force)
-    _print(found, out, as_json)
+        _write_room_and_picture(calibration, name, room_out, plot, force)
+    _print(calibration, out, as_json)
 
 
 def _with_scanner(
@@ -206,7 +206,7 @@ def _in_room(
     room, scans = open_room(room_name), [open_scan(log, board) for log in logs]
     check_one_of_each(places, poses, len(scans))
     with progress_of_share() as show:
-        found = one_call.calibrate(
+        calibration = one_call.calibrate(
             scans,
             board,
             room=room,
@@ -216,8 +216,8 @@ def _in_room(
             warn=options.warn,
         )
     named = f"room {room.name!r}: ", f"--room {room_name}: "
-    found.doubts = [options.with_options(doubt).replace(*named) for doubt in found.doubts]
-    return found
+    calibration.doubts = [options.with_options(doubt).replace(*named) for doubt in calibration.doubts]
+    return calibration
 
 
 def _place_of_pose(room: "Room", text: str) -> "Place":
@@ -226,30 +226,30 @@ def _place_of_pose(room: "Room", text: str) -> "Place":
 
 
 def _write_room_and_picture(
-    found: "Calibration", name: str, room_out: Path | None, plot: Path | None, force: bool
+    calibration: "Calibration", name: str, room_out: Path | None, plot: Path | None, force: bool
 ) -> None:
     """Write what a calibration in a room adds to the profile of this name."""
     from sonarhw_compare.calibration.room import RoomCalibration
 
-    assert isinstance(found, RoomCalibration)
+    assert isinstance(calibration, RoomCalibration)
     if room_out is not None:
-        write_text(room_out, found.room_with_header(name).text, force)
+        write_text(room_out, calibration.room_with_header(name).text, force)
     if plot is not None:
         from sonarhw_compare.drawings import draw_calibration
 
-        write_figure(plot, draw_calibration(found), force)
+        write_figure(plot, draw_calibration(calibration), force)
 
 
-def _print(found: "Calibration", out: Path, as_json: bool) -> None:
+def _print(calibration: "Calibration", out: Path, as_json: bool) -> None:
     """Print each value, and what stays and why. Raises NoPlate if there is no value."""
     if as_json:
-        options.print_json(found.figures())
+        options.print_json(calibration.figures())
     else:
-        for line in found.lines():
+        for line in calibration.lines():
             options.print_line(line)
-    for doubt in found.doubts:
+    for doubt in calibration.doubts:
         options.warn(doubt)
-    if not found.findings:
+    if not calibration.findings:
         raise NoPlate(
             f"{out}: not written: the logs determine no value of the profile, for the reasons above; "
             "scan as they say, or calibrate with --room and scans of a known room"

@@ -132,13 +132,13 @@ def _changed_room(comparison: "ScanComparison", as_json: bool, out: Path | None,
     from sonarhw_compare.one_call import find_missing
 
     with progress_of_share() as show:
-        found = find_missing(comparison, lambda share: show(share, "searching"))
-    if out is not None and found.causes:
-        write_text(out, found.room.text, force)
-    options.print_result(as_json, lambda: asdict(comparison.summary()) | found.figures(), found.lines)
-    if out is not None and not found.causes:
+        causes = find_missing(comparison, lambda share: show(share, "searching"))
+    if out is not None and causes.causes:
+        write_text(out, causes.room.text, force)
+    options.print_result(as_json, lambda: asdict(comparison.summary()) | causes.figures(), causes.lines)
+    if out is not None and not causes.causes:
         options.warn(f"{out}: not written, because the room is unchanged")
-    return found.room
+    return causes.room
 
 
 def _compare_two(

@@ -94,11 +94,16 @@ _RULES = (
 )
 
 
-def _facts(known: ImportFormat | None) -> list[str]:
+def _facts(file_format: ImportFormat | None) -> list[str]:
     """Return what a file of a format contains; None is CSV."""
-    if known is None:
+    if file_format is None:
         return ["csv"]
-    facts = {"traces": known.has_traces, "raw": is_raw(known), "steps": known.has_step, "bag": is_bag(known)}
+    facts = {
+        "traces": file_format.has_traces,
+        "raw": is_raw(file_format),
+        "steps": file_format.has_step,
+        "bag": is_bag(file_format),
+    }
     return [fact for fact, is_true in facts.items() if is_true]
 
 
@@ -137,10 +142,12 @@ def import_scan(
     checked_out(out, (options.LOG,), force, file, room, board)
     _check_options(scale, heading_zero)
     metadata = _metadata(room, place, board)
-    known = import_format(file, rate)
-    columns = _columns(file, heading, distance, time_column, decimal_comma) if known is None else None
-    options.check_rules(context, _RULES, _facts(known), file=file.name, title=known.title if known else "")
-    _check_values(file, known, threshold, blanking, speed_of_sound, rate, step)
+    file_format = import_format(file, rate)
+    columns = _columns(file, heading, distance, time_column, decimal_comma) if file_format is None else None
+    options.check_rules(
+        context, _RULES, _facts(file_format), file=file.name, title=file_format.title if file_format else ""
+    )
+    _check_values(file, file_format, threshold, blanking, speed_of_sound, rate, step)
     meaning = Meaning(
         scale=scale,
         sign=-1.0 if turn == "cw" else 1.0,
@@ -154,7 +161,7 @@ def import_scan(
         topic=topic,
     )
     if columns is None:
-        readings = _read(file, known, meaning)
+        readings = _read(file, file_format, meaning)
     else:
         readings = _without_means(file, read_foreign_scan(file, columns, meaning), meaning, mean_of)
     write_scan(out, metadata, readings, overwrite=force)
@@ -205,7 +212,7 @@ def _without_means(file: Path, readings: "list[Reading]", meaning: "Meaning", me
 
 def _check_values(
     file: Path,
-    known: ImportFormat | None,
+    file_format: ImportFormat | None,
     threshold: float | None,
     blanking: float | None,
     speed: float | None,
@@ -219,19 +226,19 @@ def _check_values(
         raise InputError(f"--blanking {blanking:g}: expected 0 to 1 s, and --threshold")
     if speed is not None and not 100 <= speed <= 10_000:
         raise InputError(f"--speed-of-sound {speed:g}: expected 100 to 10000 m/s")
-    if is_raw(known) and (rate is None) != (file.suffix.lower() == ".wav"):
-        found = "needs --rate, Hz" if rate is None else f"--rate {rate:g}: a WAV file has its own; leave it out"
-        raise InputError(f"{file}: {found}")
+    if is_raw(file_format) and (rate is None) != (file.suffix.lower() == ".wav"):
+        problem = "needs --rate, Hz" if rate is None else f"--rate {rate:g}: a WAV file has its own; leave it out"
+        raise InputError(f"{file}: {problem}")
     if step is not None and not -360 <= step <= 360:
         raise InputError(f"--step {step:g}: expected -360 to 360 degrees")
 
 
-def _read(file: Path, known: ImportFormat | None, meaning: "Meaning") -> "list[Reading]":
+def _read(file: Path, file_format: ImportFormat | None, meaning: "Meaning") -> "list[Reading]":
     """Return the readings of a file that is not CSV, and print its warnings."""
-    assert known is not None
+    assert file_format is not None
     with warnings.catch_warnings(record=True) as doubts:
         warnings.simplefilter("always")
-        readings = known.read(file, meaning)
+        readings = file_format.read(file, meaning)
     for doubt in doubts:
         options.warn(str(doubt.message))
     return readings

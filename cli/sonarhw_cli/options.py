@@ -13,8 +13,7 @@ import typer
 from sonarhw_sim.air import ROOM_TOLERANCE, EdgeStrength, Model, Receiver
 from typer.core import TyperCommand, TyperGroup
 
-from sonarhw.errors import InputError, harmless, json_text, shortened
-from sonarhw.export import number, text_cell
+from sonarhw.errors import InputError, harmless, json_text, number, shortened, text_cell
 
 if TYPE_CHECKING:
     from sonarhw.readings import ScanOrder
@@ -387,9 +386,9 @@ def _no_heading(start: float, stop: float, step: float) -> str:
         return f"--step {step:g}: too many headings; give a larger step"
     expected, sign, turn = ("larger", "positive", 360) if step > 0 else ("smaller", "negative", -360)
     same_heading = stop + turn * (abs(start - stop) // 360 + 1)
-    found = f"--from {start:g}, --to {stop:g}: with a {sign} --step ({step:g}), --to must be {expected} than --from"
+    problem = f"--from {start:g}, --to {stop:g}: with a {sign} --step ({step:g}), --to must be {expected} than --from"
     other = "" if stop == start else f", or --step {-step:g}"
-    return f"{found}; give a {expected} --to, such as {same_heading:g}{other}"
+    return f"{problem}; give a {expected} --to, such as {same_heading:g}{other}"
 
 
 def warn_of_radians(start: float, stop: float) -> None:

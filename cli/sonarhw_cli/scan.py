@@ -512,8 +512,8 @@ def serve(
             profile = inputs.board_of(scanner, board)
             plan = scan_plan(scanner, request, profile, where[0].air if where else None)
             # a replay and a device that turns by itself have another number of readings than the order
-            known = order if scanner.info.capabilities else None
-            publisher = _Publisher(server, known, where, profile)
+            fixed_order = order if scanner.info.capabilities else None
+            publisher = _Publisher(server, fixed_order, where, profile)
             metadata = replace(log_metadata(room, where), board=profile.name, board_text=profile.text)
             try:
                 _scan(scanner, plan, publisher, metadata, out, force)

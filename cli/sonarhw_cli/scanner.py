@@ -227,7 +227,7 @@ def _device_statistics(scanner: "Scanner") -> "Statistics | None":
 
 def _figures(scanner: "Scanner", device: "Statistics | None") -> dict[str, Any]:
     """Return the scanner under the keys of `info --json`; angles in degrees, None for what it does not state."""
-    from sonarhw.wire.readings_of_frames import origin_of
+    from sonarhw.readings import origin_of
 
     info, can = scanner.info, scanner.info.capabilities
     return {
@@ -383,11 +383,11 @@ def _guessed(port: "Port", wanted: bool) -> dict[str, Any]:
     if not wanted:
         return {"answer": None, "proposed_url": None, "preset": None, "baud": None}
     try:
-        found = guess_lines(port.device)
+        guess = guess_lines(port.device)
     except LinkError as error:
         answer = str(error).removeprefix(f"{port.device}: ")
         return {"answer": answer, "proposed_url": None, "preset": None, "baud": None}
-    return {"answer": found.text, "proposed_url": found.url, "preset": found.preset, "baud": found.baud}
+    return {"answer": guess.text, "proposed_url": guess.url, "preset": guess.preset, "baud": guess.baud}
 
 
 # `sonarhw board`, behind `make board`: the real firmware on an emulated board in the demo room.

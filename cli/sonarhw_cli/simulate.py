@@ -565,17 +565,17 @@ def paths(
         faintest_diffraction=10 ** (faintest / 20),
     )
     with outputs.text_output(out, force) as file:
-        found = paths_from(room, here, search)
+        all_paths = paths_from(room, here, search)
         rows = (
             (
-                float(found.lengths[k]),
-                in_degrees(float(found.departures[k])),
-                in_degrees(float(found.arrivals[k])),
-                float(found.gains[k]),
-                int(found.bounces[k]),
-                ">".join(found.via(k, room)),
+                float(all_paths.lengths[k]),
+                in_degrees(float(all_paths.departures[k])),
+                in_degrees(float(all_paths.arrivals[k])),
+                float(all_paths.gains[k]),
+                int(all_paths.bounces[k]),
+                ">".join(all_paths.via(k, room)),
             )
-            for k in range(len(found))
+            for k in range(len(all_paths))
         )
         options.write_rows(file, PATHS_HEADER, rows)
 

@@ -255,7 +255,7 @@ class _Scanners:
 
         `scene`: where a fake scanner is, instead of where its URL puts it.
         """
-        found: list[Find] = []
+        served_urls: list[Find] = []
 
         def open_it() -> "Scanner":
             from sonarhw_compare.one_call import open_scanner, serve_fake_in
@@ -265,14 +265,14 @@ class _Scanners:
 
             if is_plugin(url):
                 return open_scanner(url)
-            if not found:
+            if not served_urls:
                 self._exit_stack.close()  # ends an earlier fake scanner, whose connection is closed
                 served = resolve(url)
                 if scene is not None and scene.room is not None and scene.place is not None:
                     served = serve_fake_in(url, scene.room, scene.place, scene.board)
-                found.append(self._exit_stack.enter_context(served))
+                served_urls.append(self._exit_stack.enter_context(served))
             name = url if scene is None else f"fake:{Path(scene.room_file).stem}?place={scene.pose.name}"
-            return Scanner.open(name, find=found[0])
+            return Scanner.open(name, find=served_urls[0])
 
         return open_it
 

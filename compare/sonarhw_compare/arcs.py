@@ -176,8 +176,8 @@ def common_points(one: Arc, other: Arc, radius: float = 0.0) -> Iterator[tuple[f
 
 def _from_one(one: Arc, other: Arc) -> tuple[float, float]:
     """Return the distance of the places of two arcs, m, and the direction from the first to the second, rad."""
-    apart = np.subtract(other.centre, one.centre)
-    return float(np.hypot(*apart)), math.atan2(apart[1], apart[0])
+    between = np.subtract(other.centre, one.centre)
+    return float(np.hypot(*between)), math.atan2(between[1], between[0])
 
 
 def place_numbers(positions: Iterable[Sequence[float]] | FloatArray) -> NDArray[np.intp]:

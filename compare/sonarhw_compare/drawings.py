@@ -55,10 +55,10 @@ _SIDES = [
 
 def names_by_position(places: Iterable[Place]) -> dict[Point, str]:
     """Return the text for each position (m) of places: the names there, in the order of the places."""
-    found: dict[Point, list[str]] = {}
+    by_position: dict[Point, list[str]] = {}
     for place in places:
-        found.setdefault(place.position, []).append(pictures.picture_text(place.name))
-    return {position: fill(", ".join(names), _MOST) for position, names in found.items()}
+        by_position.setdefault(place.position, []).append(pictures.picture_text(place.name))
+    return {position: fill(", ".join(names), _MOST) for position, names in by_position.items()}
 
 
 def set_apart(figure: Figure, labels: Sequence[Annotation], kept: Sequence[Annotation]) -> None:
@@ -278,7 +278,7 @@ def draw_checked_room(room: Room, findings: Sequence[Finding] = ()) -> Figure:
     for place in room.places.values():
         axes.plot(*place.position, "o", color=pictures.PREDICTED, ms=7)
         arrows.append(draw_heading(axes, place.position, place.heading, length, pictures.PREDICTED))
-    labels = [_label(axes, text, at, "black") for at, text in names_by_position(room.places.values()).items()]
+    labels = [_label(axes, text, point, "black") for point, text in names_by_position(room.places.values()).items()]
     labels += _mark(axes, findings[:_MOST_MARKS])
     axes.set(xlabel="x (m)", ylabel="y (m)", title=pictures.picture_text(room.name))
     axes.set_aspect("equal", adjustable="datalim")
@@ -297,11 +297,11 @@ def _mark(axes: Axes, findings: Sequence[Finding]) -> list[Annotation]:
             label = pictures.picture_text(f"{number}: {finding.where}: {finding.kind}")
             axes.plot(*np.array(finding.at).T, "o", ms=16, mfc="none", mec=pictures.MEASURED, mew=2, label=label)
             numbers.setdefault(finding.at[0], []).append(str(number))
-    return [_label(axes, ", ".join(there), at, pictures.MEASURED, "bold") for at, there in numbers.items()]
+    return [_label(axes, ", ".join(texts), point, pictures.MEASURED, "bold") for point, texts in numbers.items()]
 
 
-def _label(axes: Axes, text: str, at: tuple[float, float], color: str, weight: str = "normal") -> Annotation:
-    return axes.annotate(text, at, (0, 0), textcoords="offset points", color=color, weight=weight)
+def _label(axes: Axes, text: str, point: tuple[float, float], color: str, weight: str = "normal") -> Annotation:
+    return axes.annotate(text, point, (0, 0), textcoords="offset points", color=color, weight=weight)
 
 
 # Picture of a scan over its prediction, in the plan of the room.
@@ -337,18 +337,20 @@ MOST_SCANS = 8  # in one picture
 _SILENT = -0.12  # of the largest range: where readings without an echo are drawn
 
 
-def draw_calibration(found: RoomCalibration) -> Figure:
+def draw_calibration(calibration: RoomCalibration) -> Figure:
     """Return a figure with a row for each of the first 8 scans: range by heading, before and after."""
-    shown = min(len(found.scans), MOST_SCANS)
+    shown = min(len(calibration.scans), MOST_SCANS)
     figure = new_figure(12, 0.8 + 2.1 * shown, 100)
     axes = figure.subplots(shown, 2, squeeze=False, sharex=True, sharey=True)
     for row in range(shown):
-        for column, (when, comparison) in enumerate((("before", found.before[row]), ("after", found.after[row]))):
+        for column, (when, comparison) in enumerate(
+            (("before", calibration.before[row]), ("after", calibration.after[row]))
+        ):
             _draw(axes[row, column], comparison)
             summary = comparison.summary()
             share = "no echo" if summary.within_5cm is None else f"{summary.within_5cm:.0%} of echoes within 5 cm"
             silence = summary.no_echo_agreement
-            title = f"{found.scans[row].name}, {when}: {share}" + (
+            title = f"{calibration.scans[row].name}, {when}: {share}" + (
                 "" if silence is None else f", silence {silence:.0%}"
             )
             axes[row, column].set_title(pictures.picture_text(title), fontsize=9, loc="left")
@@ -377,8 +379,8 @@ def _draw(axes: Axes, comparison: Comparison) -> None:
         rows = [row for row in comparison.rows if row.kind in kinds]
         if rows:
             measured = np.array([math.nan if row.measured is None else row.measured for row in rows])
-            at = np.degrees([row.heading for row in rows]) % 360
-            axes.plot(at, _or(measured, quiet), marker, color=colour, ms=4, ls="none", label=label)
+            degrees = np.degrees([row.heading for row in rows]) % 360
+            axes.plot(degrees, _or(measured, quiet), marker, color=colour, ms=4, ls="none", label=label)
     axes.grid(alpha=0.25)
 
 
@@ -455,10 +457,10 @@ def _draw_places(axes: Axes, located: Located) -> None:
     """Draw the places of the room, each with its name behind the arrow of the pose found there."""
     label = "place"
     for position, names in names_by_position(located.room.places.values()).items():
-        at = [pose for pose in located.poses[:_MOST_POSES] if math.dist(pose.position, position) <= NEAR]
+        near = [pose for pose in located.poses[:_MOST_POSES] if math.dist(pose.position, position) <= NEAR]
         axes.plot(*position, "+", color="black", alpha=0.6, ms=6, label=label)
         label = ""  # one entry in the legend
-        _write_beside(axes, names, position, at[0].heading + math.pi if at else math.pi, "black")
+        _write_beside(axes, names, position, near[0].heading + math.pi if near else math.pi, "black")
 
 
 def _write_beside(axes: Axes, text: str, position: tuple[float, float], towards: float, color: str) -> None:
@@ -539,9 +541,9 @@ def _draw_layer(axes: Axes, layer: Layer) -> None:
         style, name = (":", "possible wall") if wall.possible else (line, f"{maybe}wall")
         axes.plot(*np.transpose((wall.start, wall.end)), style, color=pictures.PREDICTED, lw=3, label=name)
     for is_corner, mark, name in ((True, "s", "corner"), (False, "o", "edge")):
-        at = [point.position for point in features.points if point.is_corner == is_corner]
-        if at:
-            axes.plot(*np.transpose(at), mark, mfc=fill, mec=edge, ms=9, ls="none", label=f"{maybe}{name}")
+        positions = [point.position for point in features.points if point.is_corner == is_corner]
+        if positions:
+            axes.plot(*np.transpose(positions), mark, mfc=fill, mec=edge, ms=9, ls="none", label=f"{maybe}{name}")
 
 
 def _marks(layer: Layer) -> list[FloatArray]:
@@ -611,8 +613,8 @@ def _draw_differences(axes: Axes, difference: ScanDifference) -> None:
         if rows:
             # a heading that is silent in one scan has no difference; its mark is on the axis
             centimetres = [100 * (row.difference or 0.0) for row in rows]
-            at = np.degrees([row.heading for row in rows])
-            axes.plot(at, centimetres, marker, color=colour, ms=5, ls="none", label=change.value)
+            degrees = np.degrees([row.heading for row in rows])
+            axes.plot(degrees, centimetres, marker, color=colour, ms=5, ls="none", label=change.value)
 
 
 # Picture of a found room as a matplotlib figure: the echoes, the room found from them, and a known room beside it.
@@ -639,7 +641,7 @@ def draw_found_room(
     """
     count = 2 if known is None else 3
     sensors = np.array([scan.place.position for scan in scans])
-    ends = [part for one in (room, known) if one for part in (one.walls.reshape(-1, 2), one.posts[:, :2])]
+    ends = [part for drawn in (room, known) if drawn for part in (drawn.walls.reshape(-1, 2), drawn.posts[:, :2])]
     low, high = _around([*ends, sensors], _ROOM_MARGIN)  # of the rooms, for many echoes are far outside
     aspect = float(np.clip((high[1] - low[1]) / (high[0] - low[0]), 0.4, 1.6))
     figure = new_figure(_WIDTH * count, _WIDTH * aspect + _ROOM_BESIDE, 110)
@@ -672,12 +674,12 @@ def _draw_echoes(axes: Axes, scans: Sequence[PlacedScan], room: Room, board: Boa
     for scan in scans:
         headings, ranges = headings_and_ranges(scan, board)
         points.append(pictures.points_at(standpoints(board, scan.place, headings), headings, ranges))
-    where, once, found = np.vstack(points), reflections <= 1, reflections > 0
+    where, once, several = np.vstack(points), reflections <= 1, reflections > 0
     heard = np.isfinite(where).all(axis=1)
     for (colour, marker), rows, label in (
-        (_DIRECT, heard & found & once, "one reflection"),
-        (_GHOST, heard & found & ~once, "several reflections"),
-        (_NO_PATH, heard & ~found, "no path in the found room"),
+        (_DIRECT, heard & several & once, "one reflection"),
+        (_GHOST, heard & several & ~once, "several reflections"),
+        (_NO_PATH, heard & ~several, "no path in the found room"),
     ):
         if rows.any():
             axes.plot(*where[rows].T, marker, color=colour, ms=4, ls="none", label=f"echo: {label}")
@@ -723,8 +725,8 @@ def _name_surfaces(axes: Axes, room: Room, sensors: FloatArray, inch: float) -> 
     marks = [marks[row] for row in np.argsort(-np.hypot(*(walls[:, 2:] - walls[:, :2]).T), kind="stable")]
     marks += [(post[:2], np.ones(2), name) for post, name in zip(room.posts, room.names[len(walls) :], strict=True)]
     written: list[FloatArray] = []
-    for at, away, name in marks:
-        spot = at + inch * _NAME_AWAY * away
+    for point, away, name in marks:
+        spot = point + inch * _NAME_AWAY * away
         if not any((np.abs(spot - other) < inch * _NAME_SIZE).all() for other in written):
             written.append(spot)
             axes.annotate(pictures.picture_text(name), spot.tolist(), ha="center", va="center", fontsize="small")

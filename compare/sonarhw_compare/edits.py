@@ -41,7 +41,7 @@ def add_wall(room: Room, start: Point, end: Point, material: str) -> Room:
     return changed_room(room, lambda document: _append(document, "walls", wall))
 
 
-def split_wall(room: Room, wall: int, at: Point) -> Room:
+def split_wall(room: Room, wall: int, point: Point) -> Room:
     """Return the room with a wall split in two at a point; the second part gets a new name."""
     second = free_name(room, room.names[wall], 2)
 
@@ -49,7 +49,7 @@ def split_wall(room: Room, wall: int, at: Point) -> Room:
         chain, k = _chain_of(document, wall)
         names = _segment_names(chain)
         points = _points(chain)
-        chain["points"] = like_array(chain["points"], [*points[: k + 1], list(at), *points[k + 1 :]])
+        chain["points"] = like_array(chain["points"], [*points[: k + 1], list(point), *points[k + 1 :]])
         chain["edges"] = _named(chain, [*names[: k + 1], second, *names[k + 1 :]])
 
     return changed_room(room, change)
@@ -156,7 +156,7 @@ def _without(chain: Document, k: int) -> list[Segments]:
 def _put(document: Document, chain: Document, pieces: Sequence[Segments]) -> None:
     """Replace a chain by open chains: the first takes its position, the others are appended after all walls."""
     if not pieces:
-        remove_table(document, "walls", next(k for k, one in enumerate(document["walls"]) if one is chain))
+        remove_table(document, "walls", next(k for k, table in enumerate(document["walls"]) if table is chain))
         return
     for points, names in pieces[1:]:
         _append(document, "walls", _like(chain, points, names))

@@ -207,8 +207,8 @@ def explain_reading(comparison: Comparison, index: int, text: LengthText = in_me
     if index >= len(comparison.rows):
         raise InputError(f"index: expected a reading, 0 to {len(comparison.rows) - 1}, got {index}")
     row, prediction = comparison.rows[index], comparison.prediction
-    at = f"at {heading_text(row.heading)}"
-    measured = f"no echo {at}" if row.measured is None else f"{text(row.measured)} {at}"
+    where = f"at {heading_text(row.heading)}"
+    measured = f"no echo {where}" if row.measured is None else f"{text(row.measured)} {where}"
     if row.kind is Kind.OWN_BODY:
         return f"{measured}: own body, an echo of the carrier of the sensor and not of the room"
     change = _slight_change(row, prediction)
@@ -228,13 +228,13 @@ def explain_reading(comparison: Comparison, index: int, text: LengthText = in_me
 
 def explain_heading(prediction: PredictedScan, index: int, text: LengthText = in_metres) -> str:
     """Return one sentence on the prediction at heading `index`, without a reading. `text` formats the lengths."""
-    at, winner = heading_text(float(prediction.headings[index])), int(prediction.winners[index])
+    where, winner = heading_text(float(prediction.headings[index])), int(prediction.winners[index])
     range_ = float(prediction.ranges[index])
     if math.isnan(range_):
-        parts = [f"no echo is predicted at {at}"]
+        parts = [f"no echo is predicted at {where}"]
     else:
         by = describe_path(prediction, winner) if winner >= 0 else _NO_PATH
-        parts = [f"{text(range_)} predicted at {at}: {by}", *receiver_part(prediction, index, text)]
+        parts = [f"{text(range_)} predicted at {where}: {by}", *receiver_part(prediction, index, text)]
     parts += _within_blanking(prediction, index, winner, text)
     if _is_exact(prediction):
         parts += _barely(index, prediction, text)
@@ -291,8 +291,8 @@ def _barely(index: int, prediction: PredictedScan, text: LengthText) -> list[str
         if winner is None or then != text(winner.range):
             said.append((margin, f"it is only {margin:.1f} dB over the threshold; a higher threshold gives {then}"))
     if margins.fainter is not None and lacking is not None and lacking <= _BARELY_DB:
-        at = text(margins.fainter.range)
-        said.append((lacking, f"an echo at {at} is only {lacking:.1f} dB below the threshold"))
+        fainter = text(margins.fainter.range)
+        said.append((lacking, f"an echo at {fainter} is only {lacking:.1f} dB below the threshold"))
     if moved is not None and least <= 1 and all(least < change / _BARELY_DB for change, _ in said):
         return [f"with {_moved(moved, text)} it would be {describe_path(prediction, moved.echo.path)}"]
     return [sentence for _, sentence in said]
@@ -414,12 +414,12 @@ def reading_details(comparison: Comparison, index: int) -> Details:
 
 def region_details(comparison: Comparison) -> Details:
     """Return the regions of constant depth of both scans, pairs first."""
-    found = compare_regions(comparison)
+    regions = compare_regions(comparison)
     return {
-        "pairs": [_pair(*pair) for pair in found.pairs],
-        "parts": [_pair(*pair) for pair in found.parts],
-        "only_measured": [_region(region) for region in found.only_measured],
-        "only_predicted": [_region(region) for region in found.only_predicted],
+        "pairs": [_pair(*pair) for pair in regions.pairs],
+        "parts": [_pair(*pair) for pair in regions.parts],
+        "only_measured": [_region(region) for region in regions.only_measured],
+        "only_predicted": [_region(region) for region in regions.only_predicted],
     }
 
 
@@ -501,16 +501,16 @@ def ranked_echoes(prediction: PredictedScan, index: int) -> tuple[RankedEcho, ..
     The rank is the change that an echo lacks: 1 dB of level counts as much as 1 cm of range. Echoes within blanking
     come last, that with the latest time first.
     """
-    found = [*_merged(prediction, index, _arrivals(prediction, index))]
-    winner = next((echo for echo in found if echo.wins), None)
+    echoes = [*_merged(prediction, index, _arrivals(prediction, index))]
+    winner = next((echo for echo in echoes if echo.wins), None)
     if winner is not None:
-        found = [_behind(echo, winner) for echo in found]
-    return tuple(sorted(found, key=_rank))
+        echoes = [_behind(echo, winner) for echo in echoes]
+    return tuple(sorted(echoes, key=_rank))
 
 
-def runner_up(found: Iterable[RankedEcho]) -> RankedEcho | None:
+def runner_up(ranked: Iterable[RankedEcho]) -> RankedEcho | None:
     """Return the first of ranked echoes that does not win; None without one."""
-    return next((echo for echo in found if not echo.wins), None)
+    return next((echo for echo in ranked if not echo.wins), None)
 
 
 def remedy(prediction: PredictedScan, index: int, echo: RankedEcho) -> Remedy:
@@ -547,15 +547,15 @@ def outcome_text(echo: RankedEcho, text: LengthText = in_metres) -> str:
     return ", ".join(parts) or "too short for the board's receiver"
 
 
-def remedy_text(found: Remedy, text: LengthText = in_metres) -> str:
+def remedy_text(changes: Remedy, text: LengthText = in_metres) -> str:
     """Return what would let an echo win: `a threshold 0.7 dB lower`; empty if nothing is known."""
     parts = []
-    if found.threshold_db is not None:
-        parts.append(_other_threshold(found.threshold_db))
-    if found.wall is not None:
-        parts.append(_moved(found.wall, text))
-    if found.blanking is not None:
-        parts.append(f"blanking {max(found.blanking * 1e3, 0.01):.2f} ms shorter")
+    if changes.threshold_db is not None:
+        parts.append(_other_threshold(changes.threshold_db))
+    if changes.wall is not None:
+        parts.append(_moved(changes.wall, text))
+    if changes.blanking is not None:
+        parts.append(f"blanking {max(changes.blanking * 1e3, 0.01):.2f} ms shorter")
     return " or ".join(parts)
 
 
@@ -566,14 +566,14 @@ def _arrivals(prediction: PredictedScan, index: int) -> list[Echo]:
     ping, fainter = prediction.ping(index), lower.ping(index)
     loud = [*ping.echoes, *ping.blanked_echoes]
     faint = [*fainter.echoes, *fainter.blanked_echoes]
-    found: dict[tuple[int, frozenset[tuple[str, ...]]], Echo] = {}
+    arrivals: dict[tuple[int, frozenset[tuple[str, ...]]], Echo] = {}
     for echo in (*loud, *(echo for echo in faint if echo.level_db < board.threshold_db)):
         via = prediction.paths.via(echo.path, prediction.room)
         # a path and its reverse are one echo
         same = round(echo.length / _SAME_LENGTH), frozenset((via, via[::-1]))
-        if same not in found or echo.path == winner:
-            found[same] = echo
-    return [*found.values()]
+        if same not in arrivals or echo.path == winner:
+            arrivals[same] = echo
+    return [*arrivals.values()]
 
 
 def _merged(prediction: PredictedScan, index: int, arrivals: list[Echo]) -> Iterable[RankedEcho]:
@@ -623,13 +623,13 @@ def _rank(echo: RankedEcho) -> tuple[bool, bool, float]:
 # Text about regions of constant depth: their counts, and the path of a predicted region.
 
 
-def region_counts(found: RegionMatch) -> str:
+def region_counts(regions: RegionMatch) -> str:
     """Return the counts: `7 in both, 1 more part of these, 0 only in the scan, 2 only predicted`."""
-    count = len(found.parts)
+    count = len(regions.parts)
     parts = f", {counted(count, 'more part')} of these" if count else ""
     return (
-        f"{len(found.pairs)} in both{parts}, {len(found.only_measured)} only in the scan, "
-        f"{len(found.only_predicted)} only predicted"
+        f"{len(regions.pairs)} in both{parts}, {len(regions.only_measured)} only in the scan, "
+        f"{len(regions.only_predicted)} only predicted"
     )
 
 
@@ -704,8 +704,8 @@ def summary_lines(summary: Summary) -> list[str]:
     classes = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in summary.classes.items() if count)
     what = "reading" if summary.origin == Origin.MEASURED else f"{summary.origin} reading"
     own_body = summary.classes["own_body"]
-    apart = f" of the room and {own_body} with one of the own body" if own_body else ""
-    lines = [f"{counted(summary.n, what)}, {summary.n_echo} with an echo{apart}: {classes}"]
+    left_out = f" of the room and {own_body} with one of the own body" if own_body else ""
+    lines = [f"{counted(summary.n, what)}, {summary.n_echo} with an echo{left_out}: {classes}"]
     if summary.within_5cm is not None and summary.explained is not None:
         lines.append(
             f"within 5 cm of the prediction: {summary.within_5cm:.1%} of the echoes; "
@@ -750,9 +750,9 @@ def _echo_lines(comparison: Comparison) -> Iterator[str]:
 
 def region_lines(comparison: Comparison) -> Iterator[str]:
     """Yield the counts of regions of constant depth in both scans, then a line for each region, counter-clockwise."""
-    found = compare_regions(comparison)
-    yield f"regions of constant depth: {region_counts(found)}"
-    for measured, predicted in found.by_bearing():
+    regions = compare_regions(comparison)
+    yield f"regions of constant depth: {region_counts(regions)}"
+    for measured, predicted in regions.by_bearing():
         in_scan = "not in the scan" if measured is None else f"scan {_depth(measured)}"
         expected = "not predicted" if predicted is None else f"predicted {_depth(predicted)}"
         path = "" if predicted is None else path_suffix(comparison, predicted)

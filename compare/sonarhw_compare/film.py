@@ -147,8 +147,8 @@ class _Stage:
         self._heard.set_data(self._times[past], self._levels[past])
         self._cursor.set_xdata([now, now])
         reported = ping.detected is not None and time >= ping.detected
-        at = ([cast(float, ping.detected) * 1e3], [ping.prediction.board.threshold_db]) if reported else ([], [])
-        self._crossing.set_data(*at)
+        mark = ([cast(float, ping.detected) * 1e3], [ping.prediction.board.threshold_db]) if reported else ([], [])
+        self._crossing.set_data(*mark)
 
 
 def _pulse_colour(pulse: Pulse) -> str:

@@ -329,8 +329,8 @@ def _column_indices(file: Path, header: list[str], columns: CsvColumns) -> dict[
         )
     for name in wanted:
         if header.count(name) != 1:
-            found = "no column" if name not in header else "more than one column"
-            raise InputError(f"{file}, line 1: {found} {name!r}; columns: {', '.join(header)}{_hint(header)}")
+            problem = "no column" if name not in header else "more than one column"
+            raise InputError(f"{file}, line 1: {problem} {name!r}; columns: {', '.join(header)}{_hint(header)}")
     return {name: header.index(name) for name in wanted}
 
 
@@ -349,8 +349,8 @@ class _Line:
         """Raise InputError if the line has more fields than the header."""
         extra = self.fields[columns:]
         if any(field.strip() for field in extra):
-            found = f"has {len(self.fields)} fields; expected {columns}, as in the header"
-            raise self.error(found if self.decimal_comma else f"{found}; {_AT_DECIMAL_COMMAS}")
+            problem = f"has {len(self.fields)} fields; expected {columns}, as in the header"
+            raise self.error(problem if self.decimal_comma else f"{problem}; {_AT_DECIMAL_COMMAS}")
 
     def text(self, name: str, index: int) -> str:
         """Return the field of a column."""

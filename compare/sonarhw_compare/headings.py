@@ -22,8 +22,8 @@ def turned_near(heading: float, around: float = 0.0) -> float:
     An estimate and its interval then read as one: -0.02 ± 0.07, not 359.98 ± 0.07.
     """
     # remainder gives -π for half a turn backwards
-    apart = math.remainder(heading - around, math.tau)
-    return around + (math.pi if apart <= -math.pi else apart)
+    difference = math.remainder(heading - around, math.tau)
+    return around + (math.pi if difference <= -math.pi else difference)
 
 
 def estimate_degrees(heading: float, around: float = 0.0, decimals: int = 9) -> float:
@@ -56,4 +56,4 @@ def _decimals(deviation: float) -> int:
 
 def rounded_point(point: tuple[float, float]) -> list[float]:
     """Return x and y rounded to µm."""
-    return [round(at, 6) + 0.0 for at in point]
+    return [round(coordinate, 6) + 0.0 for coordinate in point]

@@ -58,20 +58,20 @@ def import_format(file: Path, rate: float | None) -> ImportFormat | None:
         raise InputError(
             f"{file}: is a log already, which all commands read; of a bag of ROS 2, give the folder with metadata.yaml"
         )
-    known = next((known for known in FORMATS if file.suffix.lower() in known.suffixes), None)
-    return _RAW if known is None and rate is not None else known
+    file_format = next((file_format for file_format in FORMATS if file.suffix.lower() in file_format.suffixes), None)
+    return _RAW if file_format is None and rate is not None else file_format
 
 
-def is_bag(known: ImportFormat | None) -> bool:
+def is_bag(file_format: ImportFormat | None) -> bool:
     """Return whether a format has topics."""
-    return known is _ROS
+    return file_format is _ROS
 
 
-def is_raw(known: ImportFormat | None) -> bool:
+def is_raw(file_format: ImportFormat | None) -> bool:
     """Return whether a format is an array of samples, without angles."""
-    return known is _RAW
+    return file_format is _RAW
 
 
 def formats_text() -> str:
     """Return the formats and their suffixes as a list in one sentence."""
-    return "; ".join(f"{known.title} ({', '.join(known.suffixes)})" for known in FORMATS)
+    return "; ".join(f"{file_format.title} ({', '.join(file_format.suffixes)})" for file_format in FORMATS)

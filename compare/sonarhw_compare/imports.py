@@ -84,7 +84,7 @@ def read_carmen_log(file: Path, meaning: Meaning) -> list[Reading]:
     readings = readings_of(str(file), _carmen_rows(file, meaning.no_echo, path), meaning)
     if not readings:
         raise InputError(f"{file}: has no SONAR line; expected a CARMEN log with sonar readings")
-    moved = max((math.dist(at, path[0]) for at in path), default=0.0)
+    moved = max((math.dist(position, path[0]) for position in path), default=0.0)
     if moved > _MOVED:
         warnings.warn(
             f"{file}: the robot moves by {moved:.2f} m between the readings, which have no common place; split the log",
@@ -95,15 +95,15 @@ def read_carmen_log(file: Path, meaning: Meaning) -> list[Reading]:
 
 def _carmen_rows(file: Path, no_echo: float | None, path: list[tuple[float, float]]) -> Iterator[ForeignRow]:
     """Yield the readings; positions of the robot from the first SONAR line on are appended to `path`."""
-    sweep, at = 0, None
+    sweep, position = 0, None
     with opened(file, "a CARMEN log") as text:
         for number, line in enumerate(short_lines(file, text, "a CARMEN log"), 1):
             words, where = line.split(), f"line {number}"
             if words[:1] == ["ODOM"]:
-                at = _numbers(file, where, words[1:3], 2)
-                path += [(at[0], at[1])] if path else []
+                position = _numbers(file, where, words[1:3], 2)
+                path += [(position[0], position[1])] if path else []
             elif words[:1] == ["SONAR"]:
-                path += [(at[0], at[1])] if at and not path else []
+                path += [(position[0], position[1])] if position and not path else []
                 yield from _sweep(file, where, words[1:], sweep, no_echo)
                 sweep += 1
 
@@ -115,8 +115,8 @@ def _sweep(file: Path, where: str, words: list[str], sweep: int, no_echo: float 
         raise InputError(f"{file}, {where}: expected the cone angle and the number of sonars after SONAR")
     expected = 2 + 4 * count + _AFTER
     if len(words) != expected:
-        found = f"has {len(words)} fields after SONAR; expected {expected} for {count} sonars"
-        raise InputError(f"{file}, {where}: {found}")
+        problem = f"has {len(words)} fields after SONAR; expected {expected} for {count} sonars"
+        raise InputError(f"{file}, {where}: {problem}")
     values = _numbers(file, where, words[2:-2], 4 * count + 1)
     time = values[-1]
     for k, distance in enumerate(values[:count]):
@@ -217,10 +217,10 @@ def _decoded(text: bytes) -> str:
 
 
 def _seconds(file: Path, where: str, text: bytes) -> float:
-    found = _TIME.fullmatch(_decoded(text))
-    if found is None:
+    match = _TIME.fullmatch(_decoded(text))
+    if match is None:
         raise InputError(f"{file}, {where}: has no time hh:mm:ss.zzz; expected a log of Ping Viewer")
-    hours, minutes, seconds, milliseconds = map(int, found.groups())
+    hours, minutes, seconds, milliseconds = map(int, match.groups())
     return 3600.0 * hours + 60.0 * minutes + seconds + milliseconds / 1000
 
 
@@ -399,11 +399,11 @@ def _rows_of_bag(bag: Path, meaning: Meaning) -> list[ForeignRow]:
 
 
 def _bag_rows(bag: Path, reader: Any, meaning: Meaning) -> Iterator[ForeignRow]:
-    known = [one for one in reader.connections if one.msgtype in (_RANGE, _SCAN)]
-    topics = sorted({one.topic for one in known})
+    connections = [one for one in reader.connections if one.msgtype in (_RANGE, _SCAN)]
+    topics = sorted({one.topic for one in connections})
     if meaning.topic is not None and meaning.topic not in topics:
         raise InputError(f"{bag}: no topic {meaning.topic!r}; topics with ranges: {', '.join(topics) or 'none'}")
-    chosen = [one for one in known if meaning.topic in (None, one.topic)]
+    chosen = [one for one in connections if meaning.topic in (None, one.topic)]
     if not chosen:
         return
     first: int | None = None
@@ -482,10 +482,10 @@ def likely_pings(scans: Sequence[FloatArray], unit: float) -> int | None:
     A scan has ranges (n,) in the order of its angles, m, whole multiples of `unit` (m), with the number that stands for
     no echo. Scans are of one program.
     """
-    found = [one for ranges in scans for one in _all_between(np.round(ranges / unit)) if one.is_first]
-    if not found:
+    pairs = [pair for ranges in scans for pair in _all_between(np.round(ranges / unit)) if pair.is_first]
+    if not pairs:
         return None
-    chances = {pings: _chance(found, pings) for pings in range(2, MOST_PINGS + 1)}
+    chances = {pings: _chance(pairs, pings) for pings in range(2, MOST_PINGS + 1)}
     likely = min(chances, key=chances.__getitem__)
     return likely if chances[likely] < _CHANCE else None
 
@@ -493,26 +493,26 @@ def likely_pings(scans: Sequence[FloatArray], unit: float) -> int | None:
 def are_means(ranges: FloatArray, unit: float, pings: int) -> BoolArray:
     """Return which ranges (n,) of a scan, as in `likely_pings`, are means of two different ranges, (n,)."""
     means = np.zeros(len(ranges), np.bool_)
-    means[[one.row for one in _all_between(np.round(ranges / unit)) if one.is_mean_of(pings)]] = True
+    means[[pair.row for pair in _all_between(np.round(ranges / unit)) if pair.is_mean_of(pings)]] = True
     return means
 
 
 def unit_of(ranges: FloatArray, scale: float) -> float:
     """Return the unit of ranges (n,), m, NaN for none: `scale` (m), or its first decimal in which all are whole."""
-    known = ranges[~np.isnan(ranges)] / scale
+    metres = ranges[~np.isnan(ranges)] / scale
     for decimals in range(_DECIMALS):
-        if np.allclose(known, np.round(known, decimals), rtol=0.0, atol=_WHOLE * 10.0**-decimals):
+        if np.allclose(metres, np.round(metres, decimals), rtol=0.0, atol=_WHOLE * 10.0**-decimals):
             return float(scale * 10.0**-decimals)
     return float(scale * 10.0**-_DECIMALS)
 
 
-def _chance(found: Sequence[_Between], pings: int) -> float:
+def _chance(pairs: Sequence[_Between], pings: int) -> float:
     """Return the probability that measured ranges look like at least as many means."""
     from scipy.stats import binomtest  # takes a second
 
-    means = sum(one.is_mean_of(pings) for one in found)
-    expected = float(np.mean([one.chance_of(pings) for one in found]))
-    return float(binomtest(means, len(found), expected, alternative="greater").pvalue)
+    means = sum(pair.is_mean_of(pings) for pair in pairs)
+    expected = float(np.mean([pair.chance_of(pings) for pair in pairs]))
+    return float(binomtest(means, len(pairs), expected, alternative="greater").pvalue)
 
 
 def _all_between(ranges: FloatArray) -> Iterator[_Between]:

@@ -86,12 +86,12 @@ def with_prior(
         Y: (y, wide.xy),
         HEADING: (expected.heading, wide.heading),
     }
-    found = list(parameters)
-    for row, parameter in enumerate(found):
+    changed = list(parameters)
+    for row, parameter in enumerate(changed):
         middle, deviation = priors.get(parameter.quantity, (0.0, math.inf))
         if math.isfinite(deviation):
-            found[row] = replace(parameter, expected=middle, deviation=deviation / math.sqrt(redundancy))
-    return tuple(found)
+            changed[row] = replace(parameter, expected=middle, deviation=deviation / math.sqrt(redundancy))
+    return tuple(changed)
 
 
 def scores_with_prior(scores: Scores, expected: Place, spread: PoseSpread, redundancy: float) -> Scores:
@@ -417,7 +417,7 @@ def _tops(
 def _different(tops: list[Peak]) -> list[Peak]:
     """Return different maxima, best first."""
     kept: list[Peak] = []
-    for top in sorted(tops, key=lambda one: -one.score):
+    for top in sorted(tops, key=lambda peak: -peak.score):
         same = (
             math.dist(top.values[:2], other.values[:2]) < _SAME
             and abs(math.remainder(float(top.values[2] - other.values[2]), math.tau)) < _SAME_HEADING

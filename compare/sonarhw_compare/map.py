@@ -154,18 +154,20 @@ def _mark_occupied(
 ) -> None:
     """Raise the certainty of occupied cells at the range. One object made the echo, so its arc adds 1 in all."""
     first_row, last_row, first_column, last_column = _window(empty.shape, cell, x, y, distance + DEPTH)
-    there = np.zeros((max(0, last_row - first_row), max(0, last_column - first_column)))
+    certainties = np.zeros((max(0, last_row - first_row), max(0, last_column - first_column)))
     for row in range(first_row, last_row):
         for column in range(first_column, last_column):
             away, share = _seen(cell, row, column, x, y, heading)
             off = (away - distance) / DEPTH
             if share > 0.0 and abs(off) < 1.0:
-                there[row - first_row, column - first_column] = share * (1.0 - off**2) * (1.0 - empty[row, column])
-    whole = there.sum()
+                certainties[row - first_row, column - first_column] = (
+                    share * (1.0 - off**2) * (1.0 - empty[row, column])
+                )
+    whole = certainties.sum()
     if whole > 0.0:
         for row in range(first_row, last_row):
             for column in range(first_column, last_column):
-                more = there[row - first_row, column - first_column] / whole
+                more = certainties[row - first_row, column - first_column] / whole
                 occupied[row, column] += more * (1.0 - occupied[row, column])
 
 
@@ -242,7 +244,10 @@ def find_features(arcs: Sequence[Arc]) -> Features:
             walls.append(_wall(arcs, members, *values.tolist()))
         else:
             points.append((values, members))
-    made = tuple(Point((float(at[0]), float(at[1])), _is_corner(at, walls), members) for at, members in points)
+    made = tuple(
+        Point((float(position[0]), float(position[1])), _is_corner(position, walls), members)
+        for position, members in points
+    )
     return Features(tuple(arcs), tuple(walls), made)
 
 
@@ -301,7 +306,7 @@ def _wall(arcs: Sequence[Arc], members: tuple[int, ...], normal: float, distance
     touched = [float(np.dot(arcs[member].centre, along)) for member in members]
     low, high = min(touched), max(touched)
     more = max(0.0, _SHORTEST - (high - low)) / 2
-    start, end = (distance * across + at * along for at in (low - more, high + more))
+    start, end = (distance * across + length * along for length in (low - more, high + more))
     return Wall((float(start[0]), float(start[1])), (float(end[0]), float(end[1])), normal % math.tau, members)
 
 
@@ -345,8 +350,8 @@ def _sees_through(scan: PlacedScan, wall: Wall, board: Board, kept: BoolArray) -
     if not _FROM_END <= -float(to_start @ along) <= length - _FROM_END:
         return False
     headings, ranges = headings_and_ranges(scan, board)
-    apart = angle_difference(headings, math.atan2(foot[1], foot[0]))
-    facing = ranges[kept & (np.abs(apart) <= _BEAM) & ~np.isnan(ranges)]
+    differences = angle_difference(headings, math.atan2(foot[1], foot[0]))
+    facing = ranges[kept & (np.abs(differences) <= _BEAM) & ~np.isnan(ranges)]
     return bool(len(facing) and np.median(facing) > np.hypot(*foot) + _BEHIND)
 
 
@@ -432,9 +437,9 @@ def _longer(wall: Wall, walls: Sequence[Wall]) -> tuple[FloatArray, FloatArray]:
     start, end = np.array(wall.start), np.array(wall.end)
     along = (end - start) / np.hypot(*(end - start))
     low, high = 0.0, float(np.hypot(*(end - start)))
-    meetings = [at for other in walls if other is not wall for at in _meeting(start, along, other)]
-    before = [at for at in meetings if low - _MEET <= at <= low]
-    behind = [at for at in meetings if high <= at <= high + _MEET]
+    meetings = [meeting for other in walls if other is not wall for meeting in _meeting(start, along, other)]
+    before = [meeting for meeting in meetings if low - _MEET <= meeting <= low]
+    behind = [meeting for meeting in meetings if high <= meeting <= high + _MEET]
     return start + min(before, default=low) * along, start + max(behind, default=high) * along
 
 
@@ -444,11 +449,11 @@ def _meeting(start: FloatArray, along: FloatArray, other: Wall) -> list[float]:
     slope = float(along @ normal)
     if abs(slope) < math.sin(math.radians(10)):
         return []
-    at = float((np.array(other.start) - start) @ normal) / slope
-    point, first, last = start + at * along, np.array(other.start), np.array(other.end)
+    along_wall = float((np.array(other.start) - start) @ normal) / slope
+    point, first, last = start + along_wall * along, np.array(other.start), np.array(other.end)
     share = float((point - first) @ (last - first)) / float((last - first) @ (last - first))
     reach = _MEET / float(np.hypot(*(last - first)))
-    return [at] if -reach <= share <= 1 + reach else []
+    return [along_wall] if -reach <= share <= 1 + reach else []
 
 
 # The map from several scans: grid and features of all readings, and of those without several reflections.
@@ -597,8 +602,8 @@ def map_scans(
 
     begin_part()
     plain = _layer(scans, board, tuple(np.ones(len(scan.readings), dtype=np.bool_) for scan in scans))
-    found = room_of(plain.features) if plain.features.confirmed else None
-    followed_room = found if room is None else room
+    followed = room_of(plain.features) if plain.features.confirmed else None
+    followed_room = followed if room is None else room
     direct, explained = plain, tuple(np.zeros_like(kept) for kept in plain.kept)
     if followed_room is not None:
         reflections = reflections_of(scans, followed_room, board, begin_part)

@@ -180,15 +180,15 @@ def _accounting_paths(
 
     The other echo is the one nearest in range. None: no echo within 5 cm, silence, or an echo of the own body.
     """
-    found = np.full(len(measured), -1, dtype=np.intp)
+    chosen = np.full(len(measured), -1, dtype=np.intp)
     matching = np.array([kind is Kind.MATCH for kind in kinds], dtype=np.bool_)
-    found[matching] = prediction.winners[matching]
+    chosen[matching] = prediction.winners[matching]
     sounding = np.array([distance is not None for distance in measured], dtype=np.bool_)
     of_body = np.array([kind is Kind.OWN_BODY for kind in kinds], dtype=np.bool_)
-    unexplained = np.flatnonzero(sounding & ~of_body & (found < 0))
+    unexplained = np.flatnonzero(sounding & ~of_body & (chosen < 0))
     ranges = np.array(measured, dtype=np.float64)[unexplained]
-    found[unexplained] = nearest_paths(prediction, unexplained, ranges, TOLERANCE)
-    return [None if path < 0 else path for path in found.tolist()]
+    chosen[unexplained] = nearest_paths(prediction, unexplained, ranges, TOLERANCE)
+    return [None if path < 0 else path for path in chosen.tolist()]
 
 
 def _balanced_accuracy(kinds: Counter[Kind]) -> float | None:
@@ -236,10 +236,10 @@ def few_explained(scan: str, share: float | None, echoes: int, *, located: bool 
 
 def few_explained_line(scan: str, share: float, echoes: int, *, located: bool = False) -> str:
     """Return the warning of `few_explained` for a `share` that is too small."""
-    found = f"{scan}: only {share:.0%} of {echoes} echoes are within 5 cm of the prediction"
+    problem = f"{scan}: only {share:.0%} of {echoes} echoes are within 5 cm of the prediction"
     if located:
-        return f"{found}; check the room and the board"
-    return f"{found}; check the room, the place and the board; `sonarhw locate` finds an unknown place"
+        return f"{problem}; check the room and the board"
+    return f"{problem}; check the room, the place and the board; `sonarhw locate` finds an unknown place"
 
 
 # Bootstrap of readings in blocks of neighbours, whose errors are alike.

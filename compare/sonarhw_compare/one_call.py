@@ -145,14 +145,14 @@ def compare(
     from sonarhw_compare.match import few_explained, headings_of, match_readings
 
     check_pings(pings)
-    given, known, placed, profile = _placed(scan, room, place, board, warn)
+    given, in_room, placed, profile = _placed(scan, room, place, board, warn)
     options, offset = PredictionOptions(receiver=receiver), 0.0
-    fitted = _fitted(fit, given, known, placed, profile, options, progress, model)
+    fitted = _fitted(fit, given, in_room, placed, profile, options, progress, model)
     placed = profile.faced(placed)
     if fitted is not None:
         placed, offset = fitted.place, fitted.offset
     headings = headings_of(given.readings, placed, profile)
-    matched = match_readings(given.readings, predict_with(model, known, placed, profile, headings, options), offset)
+    matched = match_readings(given.readings, predict_with(model, in_room, placed, profile, headings, options), offset)
     summary = matched.summary()
     for doubt in few_explained(given.where, summary.within_5cm, summary.n_echo):
         warn(doubt)
@@ -209,9 +209,9 @@ def compare_scans(
         headings = [0.0, 0.0]
     else:
         headings = [place.heading for place in places]
-        apart = math.dist(places[0].position, places[1].position)
-        if apart > _APART:
-            warn(f"the places of the scans are {apart:.2f} m apart; differences by heading show this, too")
+        distance = math.dist(places[0].position, places[1].position)
+        if distance > _APART:
+            warn(f"the places of the scans are {distance:.2f} m apart; differences by heading show this, too")
     series = [_series(*given) for given in zip(pair, headings, sweeps, strict=True)]
     return replace(scan_difference(series[0], series[1]), names=_names(pair, sweeps))
 
@@ -270,14 +270,14 @@ def report(
     from sonarhw_compare.match import few_explained
     from sonarhw_compare.report import report_of
 
-    given, known, placed, profile = _placed(scan, room, place, board, warn)
+    given, in_room, placed, profile = _placed(scan, room, place, board, warn)
     notes = given.notes
     for doubt in notes.doubts:
         warn(doubt)
     options = PredictionOptions(receiver=receiver)
-    fitted = _fitted(fit, given, known, placed, profile, options, progress)
+    fitted = _fitted(fit, given, in_room, placed, profile, options, progress)
     named = replace(given, where=Path(given.where).name)
-    made = report_of(named, known, placed, profile, options, fit=fitted, notes=notes.texts)
+    made = report_of(named, in_room, placed, profile, options, fit=fitted, notes=notes.texts)
     summary = made.comparison.summary()
     for doubt in few_explained(given.where, summary.within_5cm, summary.n_echo):
         warn(doubt)
@@ -463,9 +463,9 @@ def map_room(
     if find and room is not None:
         raise InputError("a room is found, or given; give only one of them")
     given = _given_scans(scans, board, warn)
-    known = None if room is None else given[0].room(room)
+    followed = None if room is None else given[0].room(room)
     profile = common_board(given, board)
-    placed, spreads = _with_poses(given, known, _places(places), poses, warn)
+    placed, spreads = _with_poses(given, followed, _places(places), poses, warn)
     unknown = [scan.where for scan, spread in zip(given, spreads, strict=False) if not spread.is_whole]
     if unknown and not find:
         raise InputError(
@@ -473,14 +473,14 @@ def map_room(
             "or find them with the room"
         )
     moved = replace(profile, range_offset=profile.range_offset - offset)
-    found = _room_of_scans(placed, moved, given[0], spreads, plan_next, progress) if find else None
-    if found is not None:
-        known, moved, placed = found.room, found.board, found.found.scans
-    mapped = map_scans(placed, moved, known, lambda share: progress(share, "mapping"))
-    doubts = (*_map_doubts(mapped, room is not None, found), *_own_body_doubts(placed, profile))
+    room_found = _room_of_scans(placed, moved, given[0], spreads, plan_next, progress) if find else None
+    if room_found is not None:
+        followed, moved, placed = room_found.room, room_found.board, room_found.found.scans
+    mapped = map_scans(placed, moved, followed, lambda share: progress(share, "mapping"))
+    doubts = (*_map_doubts(mapped, room is not None, room_found), *_own_body_doubts(placed, profile))
     same = not poses and all(not isinstance(place, Place) for place in _places(places))
     recorded = given[0].recorded_room if same and len({scan.room_text for scan in given}) == 1 else None
-    return MappedScans(mapped, known, found, recorded, doubts)
+    return MappedScans(mapped, followed, room_found, recorded, doubts)
 
 
 def _room_of_scans(
@@ -498,11 +498,19 @@ def _room_of_scans(
 
     recorded = first.recorded_room
     air = Air() if recorded is None else recorded.air
-    found = find_room_and_poses(scans, board, air, spreads, lambda share: progress(share, "finding the room"))
-    room, board_as_found, nexts = found_room(found, board), as_found(board, found.draft), None
+    found_room_and_poses = find_room_and_poses(
+        scans, board, air, spreads, lambda share: progress(share, "finding the room")
+    )
+    room, board_as_found, nexts = (
+        found_room(found_room_and_poses, board),
+        as_found(board, found_room_and_poses.draft),
+        None,
+    )
     if plan_next:
-        nexts = next_places(found, room, board_as_found, tick=lambda share: progress(share, "planning the next scan"))
-    return RoomOfScans(found, room, board_as_found, board, nexts)
+        nexts = next_places(
+            found_room_and_poses, room, board_as_found, tick=lambda share: progress(share, "planning the next scan")
+        )
+    return RoomOfScans(found_room_and_poses, room, board_as_found, board, nexts)
 
 
 def _with_poses(
@@ -519,7 +527,9 @@ def _with_poses(
     if poses is None:
         check_count(places, len(given))
         chosen: Sequence[PlaceInput | None] = places or [None] * len(given)
-        return placed_scans(given, [_map_place(*one, room, warn) for one in zip(given, chosen, strict=True)]), []
+        return placed_scans(
+            given, [_map_place(*scan_and_place, room, warn) for scan_and_place in zip(given, chosen, strict=True)]
+        ), []
     if places:
         raise InputError(f"{poses}: contains the poses of all logs; give no other places")
     read = read_poses(Path(poses), [Path(scan.where) for scan in given])
@@ -533,15 +543,15 @@ def _map_place(scan: GivenScan, wanted: PlaceInput | None, room: Room | None, wa
         return wanted
     if room is None and not scan.room_text:
         raise InputError(f"{scan.where}: contains no room; give a pose, or a room and a place")
-    known = scan.room(room)
-    recorded = scan.recorded_place(known)
+    placed_in = scan.room(room)
+    recorded = scan.recorded_place(placed_in)
     # X,Y of another room may be anywhere in this one
-    if wanted is None and recorded is not None and (scan.room_text == known.text or recorded in known.places):
+    if wanted is None and recorded is not None and (scan.room_text == placed_in.text or recorded in placed_in.places):
         wanted = recorded
     if wanted is None:
-        raise InputError(f"{scan.where}: contains no place in room {known.name!r}; give a place or a pose")
-    place = known.place(wanted)
-    warn_of_place(known, place, warn)
+        raise InputError(f"{scan.where}: contains no place in room {placed_in.name!r}; give a place or a pose")
+    place = placed_in.place(wanted)
+    warn_of_place(placed_in, place, warn)
     return place
 
 
@@ -718,15 +728,15 @@ def _calibrated_in_room(
     from sonarhw_compare.fit.fitting import check_count, placed_scans
 
     check_count(places, len(scans))
-    known = scans[0].room(room)
+    in_room = scans[0].room(room)
     chosen: Sequence[PlaceInput | None] = places or [None] * len(scans)
-    placed = placed_scans(scans, [scan.place(known, place) for scan, place in zip(scans, chosen, strict=True)])
+    placed = placed_scans(scans, [scan.place(in_room, place) for scan, place in zip(scans, chosen, strict=True)])
     for scan in placed:
-        warn_of_place(known, scan.place, warn)
-    return calibrate_in_room(board, placed, known, progress, reflectances=reflectances)
+        warn_of_place(in_room, scan.place, warn)
+    return calibrate_in_room(board, placed, in_room, progress, reflectances=reflectances)
 
 
-def _map_doubts(mapped: "RoomMap", is_given: bool, found: "RoomOfScans | None") -> Iterator[str]:
+def _map_doubts(mapped: "RoomMap", is_given: bool, room_found: "RoomOfScans | None") -> Iterator[str]:
     """Yield one line for each reason to doubt a map."""
     from sonarhw_compare.map import CONFIRMING
 
@@ -740,11 +750,11 @@ def _map_doubts(mapped: "RoomMap", is_given: bool, found: "RoomOfScans | None") 
         check, false = "check the board and the places of the scans", "walls may be false or missing"
         if is_given:
             yield f"{count} this room; {check}, and the room"
-        elif found:
+        elif room_found:
             yield f"{count} the found room: {false}; {check}, or give more scans"
         else:
             yield f"{count} the room in which sound is followed: {false}; give the room, or more scans"
-    for title in found.found.left_out if found else ():
+    for title in room_found.found.left_out if room_found else ():
         yield (
             f"{title}: its pose was not found, so the room is found without it; give more of its pose, or add a scan "
             "between it and the others"
@@ -773,10 +783,10 @@ def _placed(
 ) -> tuple[GivenScan, Room, Place, Board]:
     """Return a scan with room, place and board: as given, else those of its log. Raises InputError."""
     (given,) = _given_scans(scan, board, warn)
-    known, profile = given.room(room), given.board(board)
-    here = given.place(known, place)
-    warn_of_place(known, here, warn)
-    return given, known, here, profile
+    in_room, profile = given.room(room), given.board(board)
+    here = given.place(in_room, place)
+    warn_of_place(in_room, here, warn)
+    return given, in_room, here, profile
 
 
 def _fitted(
@@ -802,16 +812,16 @@ def _several(scans: ScanInput | Sequence[ScanInput]) -> list[ScanInput]:
     if isinstance(scans, str | Path | Log | GivenScan) or is_pair(scans) or not isinstance(scans, Iterable):
         return [cast(ScanInput, scans)]
     several = [*cast(Sequence[ScanInput], scans)]
-    return [cast(ScanInput, several)] if all(isinstance(one, Reading) for one in several) else several
+    return [cast(ScanInput, several)] if all(isinstance(item, Reading) for item in several) else several
 
 
 def _given_scans(scans: ScanInput | Sequence[ScanInput], board: BoardInput | None, warn: Warn) -> list[GivenScan]:
     """Return one or several scans. Warns of logs that are damaged, and of those without a board if none is given."""
     several = _several(scans)
     given = [given_scan(scan, warn) for scan in several]
-    for scan, one in zip(several, given, strict=True):
+    for scan, read in zip(several, given, strict=True):
         if board is None and not isinstance(scan, GivenScan):
-            for doubt in one.board_doubts:
+            for doubt in read.board_doubts:
                 warn(doubt)
     return given
 

@@ -225,8 +225,8 @@ def heading_key(heading: float) -> int:
 
 def row_width(headings: FloatArray) -> float:
     """Return the usual step between headings (n,), rad; a few missing headings do not change it."""
-    apart = np.diff(np.sort(headings))
-    return min(float(np.quantile(apart, 0.75)), _WIDEST) if len(apart) else _LONE
+    steps = np.diff(np.sort(headings))
+    return min(float(np.quantile(steps, 0.75)), _WIDEST) if len(steps) else _LONE
 
 
 def newest_by_heading(readings: Sequence[Reading], board: Board, zero: float) -> dict[int, Reading]:
@@ -264,8 +264,8 @@ def difference(measured: BScan, predicted: BScan, floor_db: float | None) -> BSc
     They are in dB, with levels below `floor_db` (of full scale) raised to it. Without a floor, they are amplitudes.
     """
     rows = predicted.rows_at(measured.headings)
-    known = np.flatnonzero(rows >= 0)
-    levels, expected = measured.levels[known], predicted.levels[rows[known]]
+    filled = np.flatnonzero(rows >= 0)
+    levels, expected = measured.levels[filled], predicted.levels[rows[filled]]
     if floor_db is not None:
         levels, expected = in_db(levels, floor_db), in_db(expected, floor_db)
-    return BScan(measured.headings[known], measured.cells, levels - expected, measured.spacing)
+    return BScan(measured.headings[filled], measured.cells, levels - expected, measured.spacing)

@@ -54,8 +54,8 @@ def regions_of(
     Ranges of one region differ by at most `tolerance` (m), and its `mirrors` (n,), the reflector of each reading if
     known, are the same. Regions narrower than `least_width` (rad) are omitted. Sorted by bearing from 0.
     """
-    found = (_region(rows, headings, ranges) for rows in _runs(headings, ranges, tolerance, mirrors))
-    return tuple(sorted((region for region in found if region.width >= least_width), key=lambda one: one.bearing))
+    regions = (_region(rows, headings, ranges) for rows in _runs(headings, ranges, tolerance, mirrors))
+    return tuple(sorted((region for region in regions if region.width >= least_width), key=lambda one: one.bearing))
 
 
 def mean_run(headings: FloatArray, ranges: FloatArray, tolerance: float = TOLERANCE) -> float:
@@ -72,27 +72,27 @@ def _runs(
     headings: FloatArray, ranges: FloatArray, tolerance: float, mirrors: Sequence[object] | None = None
 ) -> Iterator[list[int]]:
     """Yield runs of neighbouring rows with the same range and mirror; rows without a range are omitted."""
-    order, apart = _detections(headings, ranges)
+    order, separated = _detections(headings, ranges)
     if not len(order):
         return
     values = ranges[order].tolist()
     sources = [None if mirrors is None else mirrors[row] for row in order]
     # start after a jump, so that a region across heading 0 is not split
-    pairs = zip(apart, values, values[1:] + values[:1], sources, sources[1:] + sources[:1], strict=True)
+    pairs = zip(separated, values, values[1:] + values[:1], sources, sources[1:] + sources[:1], strict=True)
     start = next((k + 1 for k, pair in enumerate(pairs) if pair[0] or _jumps(*pair[1:], tolerance)), 0)
     run: list[int] = []
     low = high = math.nan
     source: object = None
-    for at in np.roll(np.arange(len(order)), -start).tolist():
-        value = values[at]
-        same = source is None or sources[at] in (None, source)
+    for place in np.roll(np.arange(len(order)), -start).tolist():
+        value = values[place]
+        same = source is None or sources[place] in (None, source)
         near = value == high or max(high, value) - min(low, value) <= tolerance
-        if run and not (near and same and not apart[at - 1]):
+        if run and not (near and same and not separated[place - 1]):
             yield run
             run, source = [], None
         low, high = (min(low, value), max(high, value)) if run else (value, value)
-        source = sources[at] if sources[at] is not None else source
-        run.append(int(order[at]))
+        source = sources[place] if sources[place] is not None else source
+        run.append(int(order[place]))
     yield run
 
 

@@ -189,8 +189,8 @@ def _length(along: FloatArray) -> float:
     return float(np.hypot(*along.T).sum())
 
 
-def _point(at: Sequence[float]) -> str:
-    return f"{at[0]:.3f}, {at[1]:.3f}"
+def _point(position: Sequence[float]) -> str:
+    return f"{position[0]:.3f}, {position[1]:.3f}"
 
 
 def _drawn(suffix: str, figure: Figure, meaning: str) -> str:
@@ -262,7 +262,7 @@ def calibration_svg(bins: Sequence[CalibrationBin]) -> bytes:
     Probabilities that are right lie on the dotted line.
     """
     figure, (axes,) = _figure((4.6, 4.2), 1)
-    stated, observed, counts = np.array([(one.stated, one.observed, one.n) for one in bins]).reshape(-1, 3).T
+    stated, observed, counts = np.array([(tenth.stated, tenth.observed, tenth.n) for tenth in bins]).reshape(-1, 3).T
     axes.plot([0, 1], [0, 1], ":", color="black")
     axes.errorbar(
         stated, observed, np.sqrt(stated * (1 - stated) / counts), fmt="o", color=pictures.MEASURED, capsize=3
@@ -308,7 +308,7 @@ def _crop_to_room(axes: Axes, comparison: Comparison, place: Callable[[FloatArra
     beyond = _BEYOND * float((high - low).max())
     low, high = low - beyond, high + beyond
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-    drawn = np.array([(row.heading, at) for row in comparison.rows if (at := _drawn_at(row)) is not None])
+    drawn = np.array([(row.heading, range_) for row in comparison.rows if (range_ := _drawn_at(row)) is not None])
     points = place(*drawn.T) if len(drawn) else np.empty((0, 2))
     outside = int(((points < low) | (points > high)).any(axis=1).sum())
     if outside:
@@ -332,10 +332,10 @@ def _draw_classes(
 ) -> None:
     for kind, (colour, marker) in CLASSES.items():
         drawn = [(row.heading, value(row)) for row in rows if row.kind is kind]
-        found = [(math.degrees(heading) % 360, at) for heading, at in drawn if at is not None]
-        if found:
-            points = place(*np.array(found).T)
-            axes.plot(*points.T, marker, color=colour, ms=5, ls="none", label=f"{kind.label} ({len(found)})")
+        shown_points = [(math.degrees(heading) % 360, range_) for heading, range_ in drawn if range_ is not None]
+        if shown_points:
+            points = place(*np.array(shown_points).T)
+            axes.plot(*points.T, marker, color=colour, ms=5, ls="none", label=f"{kind.label} ({len(shown_points)})")
 
 
 def _side_by_side(headings: FloatArray, values: FloatArray) -> FloatArray:
@@ -374,11 +374,11 @@ _HEAD = ("scan at (°)", "scan (m)", "predicted at (°)", "predicted (m)", "diff
 
 def regions_table(comparison: Comparison) -> Iterator[str]:
     """Yield lines of HTML: an explanation, the number of regions, and a row for each, counter-clockwise."""
-    found = compare_regions(comparison)
+    regions = compare_regions(comparison)
     width = f"{math.degrees(LEAST_WIDTH):.0f}°"
     yield f"<p>Neighbouring headings with the same range over {width} or more: one echo, over the whole beam.</p>"
-    yield f"<p>{region_counts(found)}.</p>"
-    rows = list(_rows(comparison, found))
+    yield f"<p>{region_counts(regions)}.</p>"
+    rows = list(_rows(comparison, regions))
     if rows:
         yield '<table class="regions"><thead><tr>' + "".join(f"<th>{name}</th>" for name in _HEAD)
         yield "</tr></thead><tbody>"
@@ -387,8 +387,8 @@ def regions_table(comparison: Comparison) -> Iterator[str]:
         yield "</tbody></table>"
 
 
-def _rows(comparison: Comparison, found: RegionMatch) -> Iterator[tuple[str, ...]]:
-    for measured, predicted in found.by_bearing():
+def _rows(comparison: Comparison, regions: RegionMatch) -> Iterator[tuple[str, ...]]:
+    for measured, predicted in regions.by_bearing():
         difference = "" if measured is None or predicted is None else millimetres(measured.range - predicted.range)
         if predicted is None:
             where = "only in the scan"
@@ -594,8 +594,10 @@ def _air_of_ranges(report: Report) -> Facts:
     if speeds:
         speed = median(speeds)
         facts.append(("speed of sound", f"{speed:.2f} m/s"))
-        at = report.comparison.prediction.room.air.temperature_at(speed)
-        facts.append(("temperature for this speed", "outside -40 to 60 °C" if at is None else f"{at:.1f} °C"))
+        temperature = report.comparison.prediction.room.air.temperature_at(speed)
+        facts.append(
+            ("temperature for this speed", "outside -40 to 60 °C" if temperature is None else f"{temperature:.1f} °C")
+        )
     if measured:
         facts.append(("thermometer", f"{median(measured):.1f} °C"))
     return facts

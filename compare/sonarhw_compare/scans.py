@@ -17,8 +17,7 @@ from sonarhw_sim.room.room import Place, Room, load_room, parse_room, place_at
 
 from sonarhw import arguments
 from sonarhw.arguments import Warn, emit
-from sonarhw.errors import InputError, OutputError, counted, counted_are, harmless
-from sonarhw.export import number, text_cell
+from sonarhw.errors import InputError, OutputError, counted, counted_are, harmless, number, text_cell
 from sonarhw.files import atomic_file
 from sonarhw.log import Log, LogMetadata, read_log
 from sonarhw.readings import FloatArray, Origin, Reading
@@ -358,9 +357,9 @@ def read_notes(path: Path) -> NoteFile:
         raise InputError(f"{path}: notes cannot be read: {error}") from error
     if rows and tuple(cell.strip() for cell in rows[0][1]) != HEADER:
         raise InputError(f"{path}: line {rows[0][0]}: expected {','.join(HEADER)}; this is no file of notes")
-    found = [(_note(row[1]), row) for row in rows[1:]]
-    notes = tuple(note for note, _ in found if note is not None)
-    return NoteFile(notes, tuple(row for note, row in found if note is None))
+    rows_by_note = [(_note(row[1]), row) for row in rows[1:]]
+    notes = tuple(note for note, _ in rows_by_note if note is not None)
+    return NoteFile(notes, tuple(row for note, row in rows_by_note if note is None))
 
 
 def save_notes(path: Path, changes: Sequence[ReadingNote]) -> None:
@@ -369,17 +368,17 @@ def save_notes(path: Path, changes: Sequence[ReadingNote]) -> None:
     The file is read again, because another program may have changed it. Without notes it is removed. Raises InputError
     if it is not a notes file, OutputError if it cannot be written.
     """
-    known = read_notes(path)
-    kept = [note for note in known.notes if not any(note.is_on_reading_of(change) for change in changes)]
+    stored = read_notes(path)
+    kept = [note for note in stored.notes if not any(note.is_on_reading_of(change) for change in changes)]
     notes = sorted([*kept, *(change for change in changes if change.text)], key=lambda note: (note.sweep, note.reading))
-    if not notes and not known.unread:
+    if not notes and not stored.unread:
         _remove(path)
         return
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(HEADER)
     writer.writerows(map(_cells, notes))
-    writer.writerows(cells for _, cells in known.unread)
+    writer.writerows(cells for _, cells in stored.unread)
     with atomic_file(path, "folder for the log", overwrite=True) as file:
         file.write(text.getvalue().encode(**_TEXT))
 
@@ -413,8 +412,8 @@ def _note(cells: Sequence[str]) -> ReadingNote | None:
     except ValueError:
         return None
     text = cells[4].removeprefix("'").strip()
-    known = all(value is None or math.isfinite(value) for value in (degrees, metres))
-    return ReadingNote(sweep, reading, degrees, metres, text) if sweep > 0 <= reading and known and text else None
+    is_finite = all(value is None or math.isfinite(value) for value in (degrees, metres))
+    return ReadingNote(sweep, reading, degrees, metres, text) if sweep > 0 <= reading and is_finite and text else None
 
 
 def _same(one: float | None, other: float | None, within: float) -> bool:
@@ -464,11 +463,11 @@ def placed_notes(notes: Iterable[ReadingNote], readings: Sequence[Reading], path
     lost = 0
     for note in notes:
         places = numbered.get((note.sweep, note.reading), [])
-        found = next((place for place in places if note.is_on_reading_of(note_on(readings[place], ""))), None)
-        if found is None:
+        noted = next((place for place in places if note.is_on_reading_of(note_on(readings[place], ""))), None)
+        if noted is None:
             lost += 1
         else:
-            texts[found] = note_text(f"{texts[found]}; {note.text}" if found in texts else note.text)
+            texts[noted] = note_text(f"{texts[noted]}; {note.text}" if noted in texts else note.text)
     return PlacedNotes(texts, _doubts(lost, path, log))
 
 

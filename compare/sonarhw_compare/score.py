@@ -46,14 +46,14 @@ def assigned_echoes(comparison: Comparison, index: int) -> tuple[tuple[float, Ec
 
 def assigned(measured: FloatArray, predicted: FloatArray) -> list[int | None]:
     """Return for each of `measured` (m,) its row of `predicted` (p,); None without one within 5 cm, all in m."""
-    apart = np.abs(measured[:, None] - predicted)
+    differences = np.abs(measured[:, None] - predicted)
     # all costs beyond the tolerance are equal, so that they do not displace a pair within it
     from scipy.optimize import linear_sum_assignment  # loads slowly
 
-    rows, columns = linear_sum_assignment(np.minimum(apart, 2 * TOLERANCE))
+    rows, columns = linear_sum_assignment(np.minimum(differences, 2 * TOLERANCE))
     chosen: list[int | None] = [None] * len(measured)
     for row, column in zip(rows.tolist(), columns.tolist(), strict=True):
-        if apart[row, column] <= TOLERANCE:
+        if differences[row, column] <= TOLERANCE:
             chosen[row] = column
     return chosen
 
@@ -134,7 +134,7 @@ def calibration(stated: Sequence[tuple[float, bool]]) -> tuple[CalibrationBin, .
 
 def calibration_text(bins: Sequence[CalibrationBin]) -> str:
     """Return the bins as text: stated and observed shares, and the number of readings."""
-    return ", ".join(f"{one.stated:.0%} and {one.observed:.0%} of {one.n}" for one in bins)
+    return ", ".join(f"{tenth.stated:.0%} and {tenth.observed:.0%} of {tenth.n}" for tenth in bins)
 
 
 def _scan(prediction: PredictedScan, options: PredictionOptions | None, model: Model) -> PredictedScan:
@@ -205,7 +205,7 @@ class RegionMatch:
         rows += [(measured.bearing, measured, predicted) for measured, predicted in self.pairs + self.parts]
         rows += [(region.bearing, region, None) for region in self.only_measured]
         rows += [(region.bearing, None, region) for region in self.only_predicted]
-        return [(measured, predicted) for _, measured, predicted in sorted(rows, key=lambda one: one[0])]
+        return [(measured, predicted) for _, measured, predicted in sorted(rows, key=lambda row: row[0])]
 
 
 def compare_regions(comparison: Comparison) -> RegionMatch:
@@ -256,5 +256,5 @@ def _shared(one: Region, other: Region) -> float:
     """Return the overlap of two regions, rad; 0 if their ranges differ."""
     if abs(one.range - other.range) > TOLERANCE:
         return 0.0
-    apart = abs(math.remainder(one.bearing - other.bearing, math.tau))
-    return max(0.0, min(one.width, other.width, (one.width + other.width) / 2 - apart))
+    turn = abs(math.remainder(one.bearing - other.bearing, math.tau))
+    return max(0.0, min(one.width, other.width, (one.width + other.width) / 2 - turn))

@@ -102,8 +102,8 @@ class PlayedPing:
     @cached_property
     def ways(self) -> tuple[SoundWay, ...]:
         """The paths that are shown, that of the winner first."""
-        found = ranked_echoes(self.prediction, self.index)
-        shown = [echo for echo in found if echo.wins or (not echo.too_weak and (echo.blanked or self.every))]
+        echoes = ranked_echoes(self.prediction, self.index)
+        shown = [echo for echo in echoes if echo.wins or (not echo.too_weak and (echo.blanked or self.every))]
         shown, paths = shown[:_MOST_PATHS], self.prediction.paths
         bends = [int(paths.bends[echo.path]) + 1 if paths.edges[echo.path] >= 0 else None for echo in shown]
         return tuple(SoundWay(echo, paths.outline(echo.path), bend) for echo, bend in zip(shown, bends, strict=True))
@@ -139,8 +139,8 @@ class PlayedPing:
     @property
     def title(self) -> str:
         """The heading, and the reported range if there is one."""
-        found = float(self.prediction.ranges[self.index])
-        return f"{heading_text(self.heading)}: " + ("no echo" if np.isnan(found) else f"reads {found:.3f} m")
+        range_ = float(self.prediction.ranges[self.index])
+        return f"{heading_text(self.heading)}: " + ("no echo" if np.isnan(range_) else f"reads {range_:.3f} m")
 
 
 def moment_at(ping: PlayedPing, time: float) -> tuple[Pulse, ...]:

@@ -518,12 +518,12 @@ class Cases:
         study = self._study
         draw, point = divmod(number, study.points)
         spot, board_at, *listed = np.unravel_index(point, self._shape)
-        at, place_name = self._spots[spot]
+        position, place_name = self._spots[spot]
         values = {
             key: axis.value(random_of(study.seed, draw, key)) if isinstance(axis, Drawn) else axis.values[at_value]
             for (key, axis), at_value in zip(study.axes, listed, strict=True)
         }
-        place = self._place(at, place_name, draw if place_name == ANYWHERE else 0)
+        place = self._place(position, place_name, draw if place_name == ANYWHERE else 0)
         board = self._board(
             int(board_at), tuple(item for item in values.items() if _section(item[0]) in ("board", "mount"))
         )
@@ -531,8 +531,8 @@ class Cases:
         return Case(
             number,
             draw,
-            study.rooms[at].name,
-            self._changed(at, values),
+            study.rooms[position].name,
+            self._changed(position, values),
             place,
             study.boards[board_at][0],
             board,
@@ -541,7 +541,7 @@ class Cases:
             options,
             self._headings if board.ring is None else board.ring.headings(place),
             values,
-            (at, place, *(item for item in values.items() if _section(item[0]) == "materials")),
+            (position, place, *(item for item in values.items() if _section(item[0]) == "materials")),
         )
 
     def _find_place(self, room: int, name: str, draw: int) -> Place:
@@ -682,14 +682,14 @@ def figures_of(columns: ScanColumns) -> dict[str, float]:
     count = int(echo.sum())
     several = columns.bounces[echo] + columns.bent[echo] > 1
     errors = np.abs(columns.range_m - columns.axis_m)[echo]
-    found = errors[~np.isnan(errors)]
+    known_errors = errors[~np.isnan(errors)]
     return {
         "n": len(echo),
         "n_echo": count,
         "by_several": float(several.mean()) if count else np.nan,
         "by_edge": float(columns.bent[echo].mean()) if count else np.nan,
         "within_5cm_of_axis": float((errors <= TOLERANCE).mean()) if count else np.nan,
-        "median_abs_error_m": float(np.median(found)) if len(found) else np.nan,
+        "median_abs_error_m": float(np.median(known_errors)) if len(known_errors) else np.nan,
     }
 
 
@@ -860,13 +860,13 @@ class StudyFolder:
             raise _unwritable(self.unfinished, error) from error
         _write_whole(self.unfinished / MANIFEST, json.dumps(self._manifest, indent=2).encode())
 
-    def _check(self, there: Path) -> None:
-        """Raise InputError if the folder `there` belongs to another study."""
-        held = read_manifest(there)
+    def _check(self, folder: Path) -> None:
+        """Raise InputError if the folder `folder` belongs to another study."""
+        held = read_manifest(folder)
         changed = [key for key, value in self._manifest.items() if held.get(key) != value]
         if changed:
             raise InputError(
-                f"{there}: belongs to another study, with different {' and '.join(changed)}; "
+                f"{folder}: belongs to another study, with different {' and '.join(changed)}; "
                 "restore them, or choose another folder"
             )
 
@@ -970,8 +970,8 @@ def _arrays(headings: "pa.Table", counts: np.ndarray[tuple[int], np.dtype[np.int
     if (degrees == degrees[0]).all():
         coords = {"heading_deg": degrees[0]}
         return {name: xr.DataArray(spread(name), dims=("scan", "heading_deg"), coords=coords) for name in names}
-    found = {name: xr.DataArray(spread(name), dims=("scan", "reading")) for name in names}
-    return found | {"heading_deg": xr.DataArray(degrees, dims=("scan", "reading"))}
+    arrays = {name: xr.DataArray(spread(name), dims=("scan", "reading")) for name in names}
+    return arrays | {"heading_deg": xr.DataArray(degrees, dims=("scan", "reading"))}
 
 
 # Workers that compute the parts of a study: this process, several processes, or a Dask cluster.

@@ -144,10 +144,10 @@ class ScanDifference:
 
     def lines(self) -> list[str]:
         """Return the result as lines of text: what changed, the noise, and each stretch."""
-        found = ", ".join(f"{count} {change.value}" for change, count in self.changes.items() if count)
+        counts = ", ".join(f"{count} {change.value}" for change, count in self.changes.items() if count)
         lines = [
             f"first: {self.names[0]}; second: {self.names[1]}",
-            f"{counted(len(self.rows), 'heading')} in both: {found}",
+            f"{counted(len(self.rows), 'heading')} in both: {counts}",
         ]
         if self.median is not None:
             first, second = (f"{noise * 1000:.1f}" for noise in self.noises)
@@ -256,11 +256,11 @@ def noise_of(scan: Sequence[AtHeading], between: float) -> float:
     Several pings at a heading show it. Else it is the smaller of two estimates, which real changes can only enlarge:
     differences of neighbouring headings, most of which meet the same target, and `between`, differences of the scans.
     """
-    repeated = [np.diff(one.ranges[np.isfinite(one.ranges)]) for one in scan]
+    repeated = [np.diff(pings.ranges[np.isfinite(pings.ranges)]) for pings in scan]
     steps = np.concatenate(repeated) if repeated else np.empty(0)
     if len(steps) >= _FEWEST:
         return _spread(steps) / math.sqrt(2)
-    neighbours = np.diff([math.nan if one.median is None else one.median for one in scan])
+    neighbours = np.diff([math.nan if pings.median is None else pings.median for pings in scan])
     neighbours = neighbours[np.isfinite(neighbours)]
     estimates = [between] + ([_spread(neighbours) / math.sqrt(2)] if len(neighbours) >= _FEWEST else [])
     return min(estimates)
@@ -269,8 +269,8 @@ def noise_of(scan: Sequence[AtHeading], between: float) -> float:
 def _noise_between(pairs: Sequence[tuple[AtHeading, AtHeading]]) -> float:
     """Return the standard deviation of a ping from the differences of two scans, m."""
     medians = [(one.median, other.median) for one, other in pairs]
-    apart = np.array([b - a for a, b in medians if a is not None and b is not None])
-    return _spread(apart - np.median(apart)) / math.sqrt(2) if len(apart) >= _FEWEST else _NO_ESTIMATE
+    differences = np.array([b - a for a, b in medians if a is not None and b is not None])
+    return _spread(differences - np.median(differences)) / math.sqrt(2) if len(differences) >= _FEWEST else _NO_ESTIMATE
 
 
 def _spread(values: FloatArray) -> float:
@@ -287,9 +287,9 @@ def _pairs(first: FloatArray, second: FloatArray) -> list[tuple[int, int]]:
     """Return pairs of nearest headings (rows of both), at most half a step of the finer scan apart."""
     swapped = len(first) > len(second)
     few, many = (second, first) if swapped else (first, second)
-    apart = np.abs(angle_difference(few[:, None], many))
-    nearest = apart.argmin(axis=1)
-    near = np.flatnonzero(apart[np.arange(len(few)), nearest] <= _step(many) / 2 + _SAME_HEADING)
+    turns = np.abs(angle_difference(few[:, None], many))
+    nearest = turns.argmin(axis=1)
+    near = np.flatnonzero(turns[np.arange(len(few)), nearest] <= _step(many) / 2 + _SAME_HEADING)
     pairs = list(zip(near.tolist(), nearest[near].tolist(), strict=True))
     return [(b, a) for a, b in pairs] if swapped else pairs
 

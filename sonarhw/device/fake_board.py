@@ -12,10 +12,10 @@ from enum import IntFlag
 
 from sonarhw.device.protocol import ActionError, Line, ProtocolDevice, RefusalError
 from sonarhw.errors import InputError
-from sonarhw.readings import EchoSource, Ping, PingResult, ScanOrder, Trace
+from sonarhw.readings import FAKE_FIRMWARE, EchoSource, Ping, PingResult, ScanOrder, Trace
 from sonarhw.wire import messages
 from sonarhw.wire.limits import KEPT_READINGS, MAX_ECHOES, PROTOCOL_MAJOR, PROTOCOL_MINOR
-from sonarhw.wire.readings_of_frames import FAKE_FIRMWARE, scan_order, trace_chunks
+from sonarhw.wire.readings_of_frames import scan_order, trace_chunks
 
 # a turntable with a cam that shows on which side of the mark it is, also after a power failure; rad and s
 

@@ -23,14 +23,22 @@ from numpy.typing import NDArray
 from sonarhw import arguments
 from sonarhw.errors import NotALog, counted
 from sonarhw.log import mcap_records
-from sonarhw.readings import FloatArray, Origin, Reading, Trace, lost_steps_clause, split_at_homings, unverified_clause
+from sonarhw.readings import (
+    FloatArray,
+    Origin,
+    Reading,
+    Trace,
+    lost_steps_clause,
+    origin_of,
+    split_at_homings,
+    unverified_clause,
+)
 from sonarhw.wire import messages
 from sonarhw.wire.frames import Frame, decode_block, frame_payload, frame_type
 from sonarhw.wire.readings_of_frames import (
     DeviceClock,
     ReadingAssembler,
     broken_reading_rule,
-    origin_of,
     readings_requested,
 )
 

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from sonarhw.readings import FloatArray, Origin, Reading, ScanOrder, Trace
+from sonarhw.readings import FloatArray, Origin, Reading, ScanOrder, Trace, origin_of
 from sonarhw.wire import messages
 from sonarhw.wire.limits import CHUNK, KEPT_READINGS, MAX_ECHOES
 
@@ -338,25 +338,6 @@ def _broken_window(echoes: tuple[int, ...], settings: messages.Settings) -> str 
     if echoes and echoes[-1] > settings.listen_us * 1000 + _ROUNDING:
         return f"an echo at {echoes[-1] / 1e6:g} ms, after the end of listening at {settings.listen_us / 1000:g} ms"
     return None
-
-
-# the origin of readings follows from the writer of a log and the identity of its device, so old logs have one too
-
-
-FAKE_FIRMWARE = "sonarhw-fake"  # first word in the firmware of a fake scanner
-EMULATED_SERIAL = "EMULATED"  # serial number of the emulated board
-_WRITER = "sonarhw {}"  # start of the firmware in a log that a command wrote without a scanner
-_BY_WRITER = {"simulate": Origin.SIMULATED, "import": Origin.IMPORTED}
-
-
-def origin_of(made_by: str, firmware: str, serial: str) -> Origin:
-    """Return the origin of the readings in a log, from its writer and the identity of its device."""
-    for writer, origin in _BY_WRITER.items():
-        if made_by == writer or firmware.startswith(_WRITER.format(writer)):
-            return origin
-    if firmware.startswith(FAKE_FIRMWARE) or serial == EMULATED_SERIAL:
-        return Origin.FAKE
-    return Origin.MEASURED
 
 
 # from messages to readings, for live links, logs and replay

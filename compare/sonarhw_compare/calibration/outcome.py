@@ -88,10 +88,12 @@ class Calibration:
         self.findings.append(CalibratedValue(key, value, low, high, before, unit, decimals, mark))
         self.board = self.board.with_numbers({key: value})
 
-    def add_measured(self, key: str, found: Measured, unit: str, decimals: int | None = None, mark: str = "") -> None:
+    def add_measured(
+        self, key: str, measured: Measured, unit: str, decimals: int | None = None, mark: str = ""
+    ) -> None:
         """Add a value with its standard deviation."""
-        half = Z95 * found.deviation
-        self.add(key, found.value, found.value - half, found.value + half, unit, decimals, mark)
+        half = Z95 * measured.deviation
+        self.add(key, measured.value, measured.value - half, measured.value + half, unit, decimals, mark)
 
     def lines(self) -> list[str]:
         """Return what was found, and what stays and why, in words."""

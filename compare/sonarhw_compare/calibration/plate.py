@@ -84,10 +84,10 @@ def level_posterior(problem: "_Problem", values: FloatArray) -> tuple[FloatArray
     board, count = problem.board(values), len(problem.keys)
     peaks = replace(problem, counted=np.zeros_like(problem.counted), scatter=1.0)
     solved = _solved(peaks, values)
-    known = _covariance(peaks, solved) * _widening(peaks, solved)
-    expected, certain = (solved - values)[:count], np.linalg.inv(known[:count, :count])
+    of_peaks = _covariance(peaks, solved) * _widening(peaks, solved)
+    expected, certain = (solved - values)[:count], np.linalg.inv(of_peaks[:count, :count])
     counted = np.split(problem.counted, np.cumsum([len(scan.angles) for scan in problem.scans])[:-1])
-    turns, deviations = problem.turns(values).tolist(), np.sqrt(np.diag(known))[count + 2 :].tolist()
+    turns, deviations = problem.turns(values).tolist(), np.sqrt(np.diag(of_peaks))[count + 2 :].tolist()
     hearing = [
         _Hearing(board, scan, used, problem.keys, turn, deviation)
         for scan, used, turn, deviation in zip(problem.scans, counted, turns, deviations, strict=True)
@@ -100,14 +100,14 @@ def level_posterior(problem: "_Problem", values: FloatArray) -> tuple[FloatArray
             return -math.inf
         before = -float(beside @ certain @ beside) / 2
         scatter, error = np.exp(spreads).tolist()
-        return before + sum(one.log_likelihood(values[:count], scatter, error) for one in hearing)
+        return before + sum(scan.log_likelihood(values[:count], scatter, error) for scan in hearing)
 
     covariance = _covariance(problem, values)[:count, :count]
     first = np.zeros((count + 2, count + 2))
     first[:count, :count] = covariance * min(1.0, _MOST_START**2 / float(np.diag(covariance).max()))
     first[count:, count:] = np.diag(np.square(_FIRST_SPREADS))
-    mean, found = _moments(log_density, np.concatenate((np.zeros(count), (lowest + highest) / 2)), first)
-    return mean[:count], np.sqrt(np.diag(found)[:count])
+    mean, moments = _moments(log_density, np.concatenate((np.zeros(count), (lowest + highest) / 2)), first)
+    return mean[:count], np.sqrt(np.diag(moments)[:count])
 
 
 @dataclass(frozen=True)
@@ -128,12 +128,12 @@ class _Hearing:
         threshold = self.board.threshold_db + values[_THRESHOLD]
         level = self._detected(values[_APERTURE], values.get(_GAIN_STEP, 0.0))
         heard = ndtr((level - threshold) / scatter)
-        at_errors = np.array([np.interp(_ANGLES + error * one, _ANGLES, heard) for one in _ERRORS])
+        at_errors = np.array([np.interp(_ANGLES + error * deviations, _ANGLES, heard) for deviations in _ERRORS])
         counts, below, share = self._headings
         table = np.log([_chances(at_errors, *count) for count in counts]).ravel()
         before, after = table[below], table[below + 1]
-        found = (before + share * (after - before)).sum(axis=1)
-        return float(logsumexp(found - ((self._turns / self.turn_deviation) ** 2) / 2))
+        logarithms = (before + share * (after - before)).sum(axis=1)
+        return float(logsumexp(logarithms - ((self._turns / self.turn_deviation) ** 2) / 2))
 
     @property
     def _turns(self) -> FloatArray:
@@ -159,14 +159,14 @@ class _Hearing:
         """Return the level at the detector at `_ANGLES`, dB, interpolated between boards on a grid."""
         row, column = math.floor(aperture / _APERTURE_NODE), math.floor(gain / _GAIN_NODE)
         down, right = aperture / _APERTURE_NODE - row, gain / _GAIN_NODE - column
-        found = np.zeros(len(_ANGLES))
+        levels = np.zeros(len(_ANGLES))
         for step, share in ((row, 1 - down), (row + 1, down)):
             before, after = self._node(step, column), self._node(step, column + 1)
             detected = (1 - right) * before.detected + right * after.detected
             # a beam is a function of the sine times the aperture
             sines = np.sin(_ANGLES) * math.exp(aperture - step * _APERTURE_NODE)
-            found += share * np.interp(np.arcsin(np.clip(sines, -1, 1)), before.angles, detected)
-        return found
+            levels += share * np.interp(np.arcsin(np.clip(sines, -1, 1)), before.angles, detected)
+        return levels
 
     def _node(self, row: int, column: int) -> PlateLevels:
         if (row, column) not in self.levels:
@@ -183,9 +183,9 @@ def _chances(at_errors: FloatArray, hits: int, pings: int) -> FloatArray:
     """
     chances = np.full_like(at_errors, float(math.comb(pings, hits)))
     # NumPy's powers are slow from the third on
-    for one, count in ((at_errors, hits), (1 - at_errors, pings - hits)):
+    for chance, count in ((at_errors, hits), (1 - at_errors, pings - hits)):
         for _ in range(count):
-            chances *= one
+            chances *= chance
     return np.asarray((1 - _DISTURBED) * (_FACTORS / _FACTORS.sum() @ chances) + _DISTURBED / (pings + 1))
 
 
@@ -308,7 +308,9 @@ class _Problem:
     def peak_residuals(self, values: FloatArray) -> list[FloatArray]:
         """Return measured minus expected peaks of each scan that are used, dB, (k,) each."""
         expected = self.expected_peaks(values)
-        return [scan.peaks[used] - one[used] for scan, one, used in zip(self.scans, expected, self.used, strict=True)]
+        return [
+            scan.peaks[used] - peaks[used] for scan, peaks, used in zip(self.scans, expected, self.used, strict=True)
+        ]
 
     def expected_peaks(self, values: FloatArray) -> list[FloatArray]:
         """Return the expected peak at every heading of each scan, dB of full scale, (n,) each."""
@@ -403,7 +405,7 @@ def _without_outliers(problem: _Problem, values: FloatArray) -> _Problem:
 
 def _solved(problem: _Problem, values: FloatArray) -> FloatArray:
     limits = problem.limits
-    found = least_squares(
+    solution = least_squares(
         problem.residuals,
         np.clip(values, -0.99 * limits, 0.99 * limits),
         jac=partial(_derivatives, problem.residuals),
@@ -413,7 +415,7 @@ def _solved(problem: _Problem, values: FloatArray) -> FloatArray:
         max_nfev=_MOST_STEPS,
         ftol=_LEAST_GAIN,
     )
-    return np.asarray(found.x)
+    return np.asarray(solution.x)
 
 
 def _derivatives(function: Callable[[FloatArray], FloatArray], values: FloatArray) -> FloatArray:
@@ -438,7 +440,7 @@ def _fit_of(problem: _Problem, values: FloatArray) -> LevelFit:
     board = _changed_board(problem.board(values), dict(zip(problem.keys, mean.tolist(), strict=True)))
     deviations = dict(zip(problem.keys, spread.tolist(), strict=True))
     deviations[_APERTURE] *= board.aperture_radius
-    residuals = [one for one in problem.peak_residuals(values) if len(one)]
+    residuals = [of_scan for of_scan in problem.peak_residuals(values) if len(of_scan)]
     return LevelFit(
         board,
         deviations,
@@ -456,8 +458,8 @@ def _covariance(problem: _Problem, values: FloatArray) -> FloatArray:
 def _widening(problem: _Problem, values: FloatArray) -> float:
     """Return the factor of variances: over 1 if neighbouring residuals are alike, or residuals too large."""
     by_scan = [residual for residual in problem.peak_residuals(values) if len(residual) > 2]
-    products = [one[1:] * one[:-1] for one in by_scan]
-    power = sum(float((one**2).sum()) for one in by_scan)
+    products = [of_scan[1:] * of_scan[:-1] for of_scan in by_scan]
+    power = sum(float((of_scan**2).sum()) for of_scan in by_scan)
     alike = float(np.clip(sum(float(product.sum()) for product in products) / power, 0.0, 0.9)) if power else 0.0
     residuals = problem.residuals(values)
     excess = float((residuals**2).sum()) / max(1, len(residuals) - len(values))
@@ -473,13 +475,13 @@ _WITHIN = 1e-3  # s, after the echo of a plate begins, in which it still sounds
 _TICK = 2e-6  # s, of the clock that counts echo times
 
 
-def find_blanking(found: Calibration, scans: Sequence[PlateReadings]) -> None:
+def find_blanking(calibration: Calibration, scans: Sequence[PlateReadings]) -> None:
     """Find the end of blanking: the time at which many first echoes are reported, though their sound came before.
 
     If a plate is so near that its echo begins within blanking and ends after it, the board reports the echo at the
     moment at which blanking ends, at all headings. The profile gives the time that it needs to detect an echo.
     """
-    board, key = found.start, "blanking" if found.start.blanking_inhibit is None else "blanking_inhibit"
+    board, key = calibration.start, "blanking" if calibration.start.blanking_inhibit is None else "blanking_inhibit"
     first = min((float(scan.first_times.min()) for scan in scans if len(scan.first_times)), default=math.inf)
     for scan in scans:
         begins = 2 * scan.distance / scan.speed_of_sound
@@ -489,12 +491,12 @@ def find_blanking(found: Calibration, scans: Sequence[PlateReadings]) -> None:
         if together < FEWEST or not detected + _LATE < first < begins + _WITHIN:
             continue
         if first > scan.blanked_until + _TOGETHER:
-            found.add(key, first, first - _TOGETHER, first + _TICK, "s")
+            calibration.add(key, first, first - _TOGETHER, first + _TICK, "s")
         else:
             blanked = f"{scan.blanked_until * 1000:.3g} ms"
-            found.kept[key] = f"the scanner ignored all echoes before {blanked}; scan with less blanking"
+            calibration.kept[key] = f"the scanner ignored all echoes before {blanked}; scan with less blanking"
         return
-    found.kept[key] = "no plate is so near that its echo begins while the board is blanked"
+    calibration.kept[key] = "no plate is so near that its echo begins while the board is blanked"
 
 
 # Fit of swelling and ring-down to the shape of plate echoes in traces, and of the own burst to their beginning.
@@ -576,8 +578,8 @@ def ring_down(
     that of the decay widens that of the level. `trace_level_db` is the level of a perfect wall in the traces.
     """
     begins = [(scan, scan.begin) for scan in scans if scan.begin is not None]
-    shown = [(scan, _decaying(one, scan.largest)) for scan, one in begins]
-    shown = [(scan, one) for scan, one in shown if len(one.times) >= _FEWEST_SAMPLES]
+    shown = [(scan, _decaying(begin, scan.largest)) for scan, begin in begins]
+    shown = [(scan, begin) for scan, begin in shown if len(begin.times) >= _FEWEST_SAMPLES]
     if not shown:
         return None
 
@@ -586,7 +588,7 @@ def ring_down(
 
     def levels(cycles: float) -> FloatArray:
         changed = board.with_numbers({decay: cycles, "own_burst_db": 0.0})
-        return np.concatenate([_excess(changed, scan.speed_of_sound, one) for scan, one in shown])
+        return np.concatenate([_excess(changed, scan.speed_of_sound, begin) for scan, begin in shown])
 
     here = levels(measured)
     slower, faster = (float(levels(max(measured + by, _CYCLES[0])).mean()) for by in (deviation, -deviation))
@@ -622,9 +624,9 @@ _MISFIT_DB = 1.0  # from which on the gain does not explain the levels at all di
 _LEVEL_DB = 5.0  # by which the threshold of a profile may be wrong, and a plate may be fainter than a perfect one
 
 
-def _no_traces(found: Calibration) -> str:
+def _no_traces(calibration: Calibration) -> str:
     """Return the reason why a value that needs traces stays."""
-    return "the scan has no traces" if found.plate else "the logs contain no traces"
+    return "the scan has no traces" if calibration.plate else "the logs contain no traces"
 
 
 def calibrate_facing_plate(start: Board, readings: Sequence[Reading], distance: float, direction: float) -> Calibration:
@@ -644,33 +646,33 @@ def calibrate_with_plates(start: Board, scans: Sequence[PlateReadings], faced: F
 
     `faced` is what the only scan shows of a plate that the scanner faces. Raises NoPlate if blanking hides all plates.
     """
-    found = Calibration(start, start, plate=faced)
+    calibration = Calibration(start, start, plate=faced)
     if faced:
         offset = Measured(faced.range_offset, faced.range_spread)
         home = Measured(math.degrees(faced.home_angle), math.degrees(faced.home_uncertainty))
-        found.add_measured("range_offset", offset, "m", 5, "m, measured minus true")
-        found.add_measured("home_angle_deg", home, "degrees", 3, "direction of the turntable's zero")
-    find_blanking(found, scans)
-    deviation = _find_pulse_shape(found, scans)
-    levels = _find_levels(found, _after_blanking(found.board, scans))
-    _find_ring_down(found, scans, deviation, levels)
+        calibration.add_measured("range_offset", offset, "m", 5, "m, measured minus true")
+        calibration.add_measured("home_angle_deg", home, "degrees", 3, "direction of the turntable's zero")
+    find_blanking(calibration, scans)
+    deviation = _find_pulse_shape(calibration, scans)
+    levels = _find_levels(calibration, _after_blanking(calibration.board, scans))
+    _find_ring_down(calibration, scans, deviation, levels)
     if levels.misfit_db > _MISFIT_DB:
-        found.doubts.append(
+        calibration.doubts.append(
             f"the peaks of one log differ by {levels.misfit_db:.1f} dB from the gain of this profile; "
             "check the distances, and that the plate is large enough"
         )
     if levels.disturbed > _MOST_DISTURBED:
-        found.doubts.append(
+        calibration.doubts.append(
             f"{levels.disturbed:.0%} of the headings have echoes that a plate alone does not give; the intervals "
             "may be too narrow; remove what stands near the plate, and scan again"
         )
     if not faced:
-        keys = ", ".join(finding.key for finding in found.findings)
-        found.header = [
+        keys = ", ".join(finding.key for finding in calibration.findings)
+        calibration.header = [
             f"# Calibrated by `sonarhw calibrate` with a plate, beginning with profile {start.name!r}: {keys}.",
             *(f"#   {harmless(scan.name)}: plate at {scan.distance:g} m" for scan in scans),
         ]
-    return found
+    return calibration
 
 
 def _after_blanking(board: Board, scans: Sequence[PlateReadings]) -> list[PlateReadings]:
@@ -684,61 +686,65 @@ def _after_blanking(board: Board, scans: Sequence[PlateReadings]) -> list[PlateR
     return kept
 
 
-def _find_pulse_shape(found: Calibration, scans: Sequence[PlateReadings]) -> float:
+def _find_pulse_shape(calibration: Calibration, scans: Sequence[PlateReadings]) -> float:
     """Find swelling and ring-down, and return the standard deviation of the time constant of the decay, cycles."""
     if not any(scan.pulses for scan in scans):
-        found.kept["rise_cycles"] = _no_traces(found)
+        calibration.kept["rise_cycles"] = _no_traces(calibration)
         return 0.0
-    shape = pulse_shape(found.start, scans)
+    shape = pulse_shape(calibration.start, scans)
     if shape is None:
-        found.kept["rise_cycles"] = "too few echoes of the plate are loud without being limited"
+        calibration.kept["rise_cycles"] = "too few echoes of the plate are loud without being limited"
         return 0.0
     rise, ring = shape
-    found.add_measured("rise_cycles", rise, "cycles")
-    if ring is not None or found.start.ring_cycles is not None:
-        found.add_measured("ring_cycles", ring or rise, "cycles")
+    calibration.add_measured("rise_cycles", rise, "cycles")
+    if ring is not None or calibration.start.ring_cycles is not None:
+        calibration.add_measured("ring_cycles", ring or rise, "cycles")
     return (ring or rise).deviation
 
 
-def _find_levels(found: Calibration, scans: Sequence[PlateReadings]) -> LevelFit:
+def _find_levels(calibration: Calibration, scans: Sequence[PlateReadings]) -> LevelFit:
     """Fit the levels. Keys that they do not determine stay, and count as unknown in the intervals of the others."""
-    keys = free_keys(found.start, scans)
+    keys = free_keys(calibration.start, scans)
     if _GAIN_STEP not in keys:
-        one = "scan" if found.plate else "log"
-        found.kept[_GAIN_STEP] = (
-            f"one {one} shows the gain at one time only" if found.start.gain_steps else "this profile has no gain steps"
+        source = "scan" if calibration.plate else "log"
+        calibration.kept[_GAIN_STEP] = (
+            f"one {source} shows the gain at one time only"
+            if calibration.start.gain_steps
+            else "this profile has no gain steps"
         )
-    fit = fit_levels(found.board, scans, keys)
+    fit = fit_levels(calibration.board, scans, keys)
     for key in keys:
         value, deviation = float(getattr(fit.board, key)), fit.deviations[key]
         unit, most, least = (
             ("m", _MOST_APERTURE * value, _LEAST_APERTURE * value) if key == _APERTURE else ("dB", _MOST_DB, _LEAST_DB)
         )
         half = Z95 * deviation
-        if found.plate and fit.disturbed > _MOST_DISTURBED:
-            found.kept[key] = "the plate is too small for it, or not alone; it must extend by half its distance"
+        if calibration.plate and fit.disturbed > _MOST_DISTURBED:
+            calibration.kept[key] = "the plate is too small for it, or not alone; it must extend by half its distance"
         elif half > most:
             text = f"{half / value:.0%}" if key == _APERTURE else f"{half:.1f} dB"
-            found.kept[key] = f"the scans determine it to ± {text} only"
+            calibration.kept[key] = f"the scans determine it to ± {text} only"
         else:
-            found.add_measured(key, Measured(value, math.hypot(deviation, least)), unit)
+            calibration.add_measured(key, Measured(value, math.hypot(deviation, least)), unit)
     return fit
 
 
-def _find_ring_down(found: Calibration, scans: Sequence[PlateReadings], deviation: float, levels: LevelFit) -> None:
+def _find_ring_down(
+    calibration: Calibration, scans: Sequence[PlateReadings], deviation: float, levels: LevelFit
+) -> None:
     if not any(scan.pulses for scan in scans):
-        found.kept["own_burst_db"] = _no_traces(found)
+        calibration.kept["own_burst_db"] = _no_traces(calibration)
         return
-    shown = ring_down(found.board, deviation, scans, levels.trace_level_db)
+    shown = ring_down(calibration.board, deviation, scans, levels.trace_level_db)
     if shown is None:
-        found.kept["own_burst_db"] = "the traces do not show how the burst decays"
+        calibration.kept["own_burst_db"] = "the traces do not show how the burst decays"
         return
     level, decay = shown
-    cycles = found.board.ring_cycles or found.board.rise_cycles
+    cycles = calibration.board.ring_cycles or calibration.board.rise_cycles
     if 1 / _MOST_SLOPE <= decay / cycles <= _MOST_SLOPE:
-        found.add_measured("own_burst_db", level, "dB")
+        calibration.add_measured("own_burst_db", level, "dB")
     else:
-        found.kept["own_burst_db"] = (
+        calibration.kept["own_burst_db"] = (
             f"the burst decays with {decay:.1f} cycles, and the echoes with {cycles:.1f}; "
             "a profile has one value for both"
         )

@@ -102,7 +102,7 @@ def _levels(board: Board, speed_of_sound: float, distance: float) -> PlateLevels
     else:
         detected = _carrier_levels(board, speed_of_sound, distance, computed)
     if len(computed) < len(_ANGLES):
-        peaks, detected = (np.concatenate((one[:0:-1], one)) for one in (peaks, detected))
+        peaks, detected = (np.concatenate((half[:0:-1], half)) for half in (peaks, detected))
     return PlateLevels(_ANGLES, peaks, detected)
 
 
@@ -145,7 +145,7 @@ def _carrier_levels(board: Board, speed_of_sound: float, distance: float, angles
     """Return the levels at the detector of the paper's receiver, which weighs the carrier alone, (n,) dB."""
     arrivals, air = _arrivals(board, speed_of_sound, distance, angles), air_of(speed_of_sound)
     ka = board.wavenumber(air) * board.aperture_radius
-    beams = [beam_gain(np.arccos(np.clip(one, -1, 1)), ka) for one in (arrivals.leaving, arrivals.arriving)]
+    beams = [beam_gain(np.arccos(np.clip(cosines, -1, 1)), ka) for cosines in (arrivals.leaving, arrivals.arriving)]
     return in_db(np.abs(arrivals.amplitudes) * beams[0] * beams[1], FAINTEST_DB)
 
 
@@ -221,7 +221,7 @@ def plate_readings(
     pings = np.bincount(rows, minlength=len(angles))
     heard = _heard(near, rows, len(angles), distance - NEARER, distance + FARTHER)
     pulses = _pulses(near, turned, distance, board)
-    found = PlateReadings(
+    plate = PlateReadings(
         name,
         distance,
         direction,
@@ -236,16 +236,16 @@ def plate_readings(
         _begin(near, distance),
         max((float(np.nanmax(pulse.samples)) for pulse in pulses), default=0.0),
     )
-    found = replace(found, middle=_middle(found, board))
-    _check(found)
-    central = [one for one, angle in zip(near, turned, strict=True) if abs(angle - found.middle) < _CENTRAL]
+    plate = replace(plate, middle=_middle(plate, board))
+    _check(plate)
+    central = [one for one, angle in zip(near, turned, strict=True) if abs(angle - plate.middle) < _CENTRAL]
     within = [[echo for echo in one.echo_ranges if abs(echo - distance) <= NEARER] for one in central]
     # a long burst is reported again once the board has re-armed, so only the first echo counts
     ranges = [echoes[0] for echoes in within if echoes]
     if not ranges:
-        return found
-    first, latest = float(np.median(ranges)), covered_by_burst(board, found.speed_of_sound) / 2
-    return replace(found, heard=_heard(near, rows, len(angles), first - _SPREAD, first + latest + _SPREAD))
+        return plate
+    first, latest = float(np.median(ranges)), covered_by_burst(board, plate.speed_of_sound) / 2
+    return replace(plate, heard=_heard(near, rows, len(angles), first - _SPREAD, first + latest + _SPREAD))
 
 
 def _heard(
@@ -259,7 +259,7 @@ def _heard(
 def _pulses(readings: Sequence[Reading], angles: FloatArray, distance: float, board: Board) -> tuple[EchoPulse, ...]:
     """Return the part of each trace with the echo of the plate."""
     burst = sum(tone.cycles / tone.frequency for tone in board.burst)
-    found = []
+    pulses = []
     for reading, angle in zip(readings, angles.tolist(), strict=True):
         if reading.trace is None:
             continue
@@ -267,8 +267,8 @@ def _pulses(readings: Sequence[Reading], angles: FloatArray, distance: float, bo
         rows = np.flatnonzero((times >= time - _BEFORE) & (times <= time + burst + _AFTER))
         samples = _without_short_gaps(envelope_of(reading.trace))[rows]
         if len(rows) > 2 and not np.isnan(samples).any():
-            found.append(EchoPulse(angle, times[rows], samples))
-    return tuple(found)
+            pulses.append(EchoPulse(angle, times[rows], samples))
+    return tuple(pulses)
 
 
 def _without_short_gaps(envelope: FloatArray) -> FloatArray:
@@ -279,11 +279,11 @@ def _without_short_gaps(envelope: FloatArray) -> FloatArray:
     lost = np.isnan(envelope)
     if not lost.any() or lost.all():
         return envelope
-    rows, known = np.arange(len(envelope)), np.flatnonzero(~lost)
-    after = known[np.minimum(np.searchsorted(known, rows), len(known) - 1)]
-    before = known[np.maximum(np.searchsorted(known, rows, side="right") - 1, 0)]
+    rows, measured = np.arange(len(envelope)), np.flatnonzero(~lost)
+    after = measured[np.minimum(np.searchsorted(measured, rows), len(measured) - 1)]
+    before = measured[np.maximum(np.searchsorted(measured, rows, side="right") - 1, 0)]
     short = lost & (after - before - 1 <= _SHORT_GAP) & (before < rows) & (rows < after)
-    return np.where(short, np.interp(rows, known, envelope[known]), envelope)
+    return np.where(short, np.interp(rows, measured, envelope[measured]), envelope)
 
 
 def peak_of(samples: FloatArray) -> float:
@@ -322,45 +322,45 @@ def _begin(readings: Sequence[Reading], distance: float) -> EchoPulse | None:
     return EchoPulse(0.0, parts[0][0][:length], np.nanmean([samples[:length] for _, samples in parts], axis=0))
 
 
-def _middle(found: PlateReadings, board: Board) -> float:
+def _middle(plate: PlateReadings, board: Board) -> float:
     """Return the turntable angle of the perpendicular, rad, with which the levels of the board differ least.
 
     The sum of absolute differences, so that objects beside the plate have little effect.
     """
-    levels = plate_levels(board, found.speed_of_sound, found.distance)
-    traces = not np.isnan(found.peaks).all()
+    levels = plate_levels(board, plate.speed_of_sound, plate.distance)
+    traces = not np.isnan(plate.peaks).all()
     if traces:
-        measured = np.clip(np.nan_to_num(found.peaks, nan=_FLOOR_DB), _FLOOR_DB, 20 * math.log10(found.largest))
+        measured = np.clip(np.nan_to_num(plate.peaks, nan=_FLOOR_DB), _FLOOR_DB, 20 * math.log10(plate.largest))
     else:
-        measured = found.heard / found.pings
+        measured = plate.heard / plate.pings
 
     def difference(middle: float) -> float:
-        angles = found.angles - middle
+        angles = plate.angles - middle
         if traces:
-            expected = np.clip(levels.peaks_at(angles), _FLOOR_DB, 20 * math.log10(found.largest))
+            expected = np.clip(levels.peaks_at(angles), _FLOOR_DB, 20 * math.log10(plate.largest))
         else:
             expected = (levels.detected_at(angles) > board.threshold_db).astype(np.float64)
         return float(np.abs(measured - expected).sum())
 
-    middles = found.direction + np.arange(-MOST_TURN, MOST_TURN + _TURN_STEP, _TURN_STEP)
+    middles = plate.direction + np.arange(-MOST_TURN, MOST_TURN + _TURN_STEP, _TURN_STEP)
     differences = np.array([difference(middle) for middle in middles.tolist()])
     # several are equal where headings are far apart
     return float(middles[differences <= differences.min() * (1 + 1e-9)].mean())
 
 
-def _check(found: PlateReadings) -> None:
-    loud = int((found.heard > 0).sum())
-    if loud < FEWEST and not (found.peaks > _LOUD_DB).sum() >= FEWEST:
+def _check(plate: PlateReadings) -> None:
+    loud = int((plate.heard > 0).sum())
+    if loud < FEWEST and not (plate.peaks > _LOUD_DB).sum() >= FEWEST:
         raise NoPlate(
-            f"{found.name}: the plate is detected at {loud} headings, expected at least {FEWEST}; check that it is "
-            f"{found.distance:g} m away and in the stated direction, or scan in smaller steps"
+            f"{plate.name}: the plate is detected at {loud} headings, expected at least {FEWEST}; check that it is "
+            f"{plate.distance:g} m away and in the stated direction, or scan in smaller steps"
         )
-    central = np.abs(found.angles - found.middle) <= max(_MIDDLE, found.step)
-    faces = bool(found.heard[central].any()) or bool((found.peaks[central] > _LOUD_DB).any())
-    if abs(found.middle - found.direction) > MOST_TURN - _TURN_STEP or not faces:
+    central = np.abs(plate.angles - plate.middle) <= max(_MIDDLE, plate.step)
+    faces = bool(plate.heard[central].any()) or bool((plate.peaks[central] > _LOUD_DB).any())
+    if abs(plate.middle - plate.direction) > MOST_TURN - _TURN_STEP or not faces:
         raise NoPlate(
-            f"{found.name}: the echo is not symmetric about any angle within {math.degrees(MOST_TURN):g} degrees of "
-            f"{math.degrees(found.direction):g}; give the turntable angle that faces the plate as the direction"
+            f"{plate.name}: the echo is not symmetric about any angle within {math.degrees(MOST_TURN):g} degrees of "
+            f"{math.degrees(plate.direction):g}; give the turntable angle that faces the plate as the direction"
         )
 
 
@@ -430,12 +430,12 @@ def faced_plate(
     hits = _longest_arc(ranges)
     _check_hits(hits, angles, distance, readings)
     step = float(np.median(np.diff(angles)))
-    shares = np.array([len(found) for found in ranges]) / np.bincount(rows)
+    shares = np.array([len(plate) for plate in ranges]) / np.bincount(rows)
     _check_flatness([ranges[k] for k in _central(hits, angles, shares, step)])
     hits = _without_rims(hits, ranges)
     middle, arc = _arc_of(hits, angles, shares, step)
     measured = np.concatenate([ranges[k] for k in _central(hits, angles, shares, step)])
-    found = FacedPlate(
+    plate = FacedPlate(
         distance=distance,
         range_offset=float(np.median(measured)) - distance - delay,
         range_spread=float(np.std(measured)),
@@ -447,8 +447,8 @@ def faced_plate(
         headings=len(hits),
     )
     # the ends of an arc are known within a step
-    _check_plate(found, middle, (arcs[0] - step, arcs[1] + step))
-    return found
+    _check_plate(plate, middle, (arcs[0] - step, arcs[1] + step))
+    return plate
 
 
 def _longest_arc(ranges: Sequence[FloatArray]) -> NDArray[np.intp]:
@@ -519,24 +519,24 @@ def _check_flatness(central: Sequence[FloatArray]) -> None:
         )
 
 
-def _check_plate(found: FacedPlate, middle: float, arcs: tuple[float, float]) -> None:
+def _check_plate(plate: FacedPlate, middle: float, arcs: tuple[float, float]) -> None:
     """Raise NoPlate unless distance, direction and strength of the echo are plausible."""
-    if abs(found.range_offset) > MOST_OFFSET:
+    if abs(plate.range_offset) > MOST_OFFSET:
         raise NoPlate(
-            f"the echo comes from {found.distance + found.range_offset:.3f} m, expected {found.distance:g} m within "
+            f"the echo comes from {plate.distance + plate.range_offset:.3f} m, expected {plate.distance:g} m within "
             f"{MOST_OFFSET * 100:g} cm; check that a plate stands there, and measure its distance from the face of the "
             "transducer"
         )
-    if abs(found.home_angle) > MOST_HOME_ANGLE:
-        intended = math.degrees(middle + found.home_angle)
+    if abs(plate.home_angle) > MOST_HOME_ANGLE:
+        intended = math.degrees(middle + plate.home_angle)
         raise NoPlate(
             f"the middle of the echo is at {math.degrees(middle):.1f} degrees, expected {intended:.4g} degrees within "
             f"{math.degrees(MOST_HOME_ANGLE):g}; turn the plate so that it faces the scanner, or change the direction"
         )
-    if not arcs[0] <= found.arc <= arcs[1]:
+    if not arcs[0] <= plate.arc <= arcs[1]:
         low, high = map(math.degrees, arcs)
         raise NoPlate(
-            f"the echo is detected over {math.degrees(found.arc):.1f} degrees, expected {low:.1f} to {high:.1f} for a "
+            f"the echo is detected over {math.degrees(plate.arc):.1f} degrees, expected {low:.1f} to {high:.1f} for a "
             "flat plate and this board profile; use a flat plate of at least 30 cm, no post or corner; if it is one, "
             "correct threshold_db of the profile"
         )

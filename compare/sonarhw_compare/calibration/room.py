@@ -77,16 +77,16 @@ def choose_detection(
     The threshold is None if the scans have no silence, or no echo: the rule then counts one kind only.
     `redundancy` is the number of readings per independent reading; the intervals are from a bootstrap of such blocks.
     """
-    found = _outcomes(scans, room, board, places, tick)
-    scores = _scores(found, np.ones((1, len(found.sounding))))[0]
+    outcomes = _outcomes(scans, room, board, places, tick)
+    scores = _scores(outcomes, np.ones((1, len(outcomes.sounding))))[0]
     random = np.random.default_rng(0)
-    drawn_scores = _scores(found, drawn_blocks(len(found.sounding), redundancy, random))
+    drawn_scores = _scores(outcomes, drawn_blocks(len(outcomes.sounding), redundancy, random))
     a, t = nearest_good_pair(scores, drawn_scores)
     drawn = np.array(best_pairs(drawn_scores))
     thresholds, apertures = board.threshold_db + THRESHOLDS, board.aperture_radius * APERTURES
     threshold = _between(float(thresholds[t]), thresholds[drawn[:, 1]], 1.0)
     aperture = _between(float(apertures[a]), apertures[drawn[:, 0]], 0.1 * float(apertures[a]))
-    return threshold if found.sounding.any() and not found.sounding.all() else None, aperture
+    return threshold if outcomes.sounding.any() and not outcomes.sounding.all() else None, aperture
 
 
 def _between(value: float, drawn: FloatArray, step: float) -> Interval:
@@ -116,25 +116,25 @@ def _outcomes(
         grid = np.empty((len(APERTURES), len(THRESHOLDS), len(headings)))
         for a, wider in enumerate(APERTURES.tolist()):
             for t, higher in enumerate(THRESHOLDS.tolist()):
-                one = replace(
+                changed = replace(
                     board,
                     aperture_radius=board.aperture_radius * wider,
                     threshold_db=min(0.0, board.threshold_db + higher),
                 )
-                grid[a, t] = weigh_paths(room, place, one, headings, paths, options).ranges
+                grid[a, t] = weigh_paths(room, place, changed, headings, paths, options).ranges
         explained.append(np.abs(grid - measured) <= TOLERANCE)
         predicted.append(~np.isnan(grid))
         sounding.append(~np.isnan(measured))
     return _Outcomes(np.concatenate(sounding), np.concatenate(explained, axis=2), np.concatenate(predicted, axis=2))
 
 
-def _scores(found: _Outcomes, weights: FloatArray) -> FloatArray:
+def _scores(outcomes: _Outcomes, weights: FloatArray) -> FloatArray:
     """Return the score of each pair, (w, a, t), with each row of `weights` (w, r) for the readings."""
-    sounding, silent = weights * found.sounding, weights * ~found.sounding
+    sounding, silent = weights * outcomes.sounding, weights * ~outcomes.sounding
     echoes, silences = sounding.sum(axis=1)[:, None, None], silent.sum(axis=1)[:, None, None]
-    share = np.einsum("wr,atr->wat", sounding, found.explained) / np.maximum(echoes, 1e-9)
-    heard = np.einsum("wr,atr->wat", sounding, found.predicted) / np.maximum(echoes, 1e-9)
-    quiet = np.einsum("wr,atr->wat", silent, ~found.predicted) / np.maximum(silences, 1e-9)
+    share = np.einsum("wr,atr->wat", sounding, outcomes.explained) / np.maximum(echoes, 1e-9)
+    heard = np.einsum("wr,atr->wat", sounding, outcomes.predicted) / np.maximum(echoes, 1e-9)
+    quiet = np.einsum("wr,atr->wat", silent, ~outcomes.predicted) / np.maximum(silences, 1e-9)
     accuracy = np.where((silences > 0) & (echoes > 0), (heard + quiet) / 2, 0.0)
     scores = (ECHOES_COUNT * share + accuracy) / (ECHOES_COUNT + 1)
     return np.asarray(uniform_filter(scores, (1, 3, 3), mode="nearest") - _NEAREST_FIRST * _STEPS_AWAY)
@@ -204,18 +204,18 @@ def _certain_runs(
 ) -> list[IntArray]:
     """Return the runs that are not by chance, with their ends."""
     values, enough = _consensus(ranges, covered, places)
-    found = [(run, float(np.median(values[run]))) for run in _runs(values, enough) if len(run) >= _SHORTEST]
-    by_chance = _runs_by_chance(*_without(found, ranges, covered), places, random)
-    found = [(run, middle) for run, middle in found if not _is_by_chance(run, middle, by_chance)]
-    return _joined([_longer(run, middle, ranges) for run, middle in found])
+    runs = [(run, float(np.median(values[run]))) for run in _runs(values, enough) if len(run) >= _SHORTEST]
+    by_chance = _runs_by_chance(*_without(runs, ranges, covered), places, random)
+    runs = [(run, middle) for run, middle in runs if not _is_by_chance(run, middle, by_chance)]
+    return _joined([_longer(run, middle, ranges) for run, middle in runs])
 
 
 def _without(
-    found: Sequence[tuple[IntArray, float]], ranges: FloatArray, covered: BoolArray
+    runs: Sequence[tuple[IntArray, float]], ranges: FloatArray, covered: BoolArray
 ) -> tuple[FloatArray, BoolArray]:
     """Return ranges and coverage without the echoes of runs: two parts of a body meet when scans are turned."""
     ranges, covered = ranges.copy(), covered.copy()
-    for run, middle in found:
+    for run, middle in runs:
         own = np.abs(ranges[:, run] - middle) <= _AS_FAR
         covered[:, run] &= ~own
         ranges[:, run] = np.where(own, np.nan, ranges[:, run])
@@ -269,22 +269,24 @@ def _runs_by_chance(
 ) -> list[list[tuple[int, float]]]:
     """Return the length and the range, m, of each run of the scans, turned against each other at random many times."""
     count = ranges.shape[1]
-    apart = max(1, count // max(_APART, places.max() + 1))
-    found = []
+    spacing = max(1, count // max(_APART, places.max() + 1))
+    runs = []
     for _ in range(_TURNS):
         # scans of one place stay together; no two places are turned alike
-        turns = random.permutation(np.arange(0, count, apart))[: places.max() + 1] + random.integers(0, apart)
+        turns = random.permutation(np.arange(0, count, spacing))[: places.max() + 1] + random.integers(0, spacing)
         rows = (np.arange(count) - turns[places][:, None]) % count
         values, enough = _consensus(
             np.take_along_axis(ranges, rows, axis=1), np.take_along_axis(covered, rows, axis=1), places
         )
-        found.append([(len(run), float(np.median(values[run]))) for run in _runs(values, enough)])
-    return found
+        runs.append([(len(run), float(np.median(values[run]))) for run in _runs(values, enough)])
+    return runs
 
 
 def _is_by_chance(run: IntArray, middle: float, by_chance: list[list[tuple[int, float]]]) -> bool:
     """Return whether a run at a range (m) may be by chance: turned scans have one as long, and as far, too often."""
-    alike = sum(any(length >= len(run) and abs(at - middle) <= _AS_FAR for length, at in runs) for runs in by_chance)
+    alike = sum(
+        any(length >= len(run) and abs(range_ - middle) <= _AS_FAR for length, range_ in runs) for runs in by_chance
+    )
     return alike > _CHANCE * len(by_chance)
 
 
@@ -358,7 +360,7 @@ def starting_turntable(
     plain = replace(board, mount=ON_AXIS)
     scans = [replace(scan, readings=without_own_body(board.own_body, scan.readings)) for scan in scans]
     boards = [replace(plain, threshold_db=board.threshold_db + change) for change in _THRESHOLDS]
-    matches = np.array([_matches(scans, room, one) for one in boards])
+    matches = np.array([_matches(scans, room, tried) for tried in boards])
     row, column = _best(matches, np.ones((1, matches.shape[2])))[0]
     scales = board.turntable_scale * SCALES
     redundancy = float(np.mean([mean_run(*angles_and_ranges(scan.readings)) for scan in scans]))
@@ -381,8 +383,8 @@ def _matches(scans: Sequence[PlacedScan], room: Room, board: Board) -> BoolArray
     boards = [replace(board, turntable_scale=board.turntable_scale * scale) for scale in SCALES.tolist()]
     return np.array(
         [
-            np.concatenate([_matching(scan, table, one) for scan, table in zip(scans, tables, strict=True)])
-            for one in boards
+            np.concatenate([_matching(scan, table, turned) for scan, table in zip(scans, tables, strict=True)])
+            for turned in boards
         ]
     )
 
@@ -465,13 +467,15 @@ def fit_turntable(
 def _problem(scans: Sequence[PlacedScan], room: Room, board: Board, start: TurntableFit) -> Problem:
     parameters: list[Parameter] = []
     placed = []
-    for k, (scan, found) in enumerate(zip(scans, start.places, strict=True)):
-        for quantity, at in zip((quantities.X, quantities.Y), scan.place.position, strict=True):
-            parameters.append(Parameter(quantity, "", k, at - _REACH, at + _REACH, at, POSITION_SD, str(k)))
+    for k, (scan, begin_at) in enumerate(zip(scans, start.places, strict=True)):
+        for quantity, coordinate in zip((quantities.X, quantities.Y), scan.place.position, strict=True):
+            parameters.append(
+                Parameter(quantity, "", k, coordinate - _REACH, coordinate + _REACH, coordinate, POSITION_SD, str(k))
+            )
         parameters.append(
-            Parameter(quantities.HEADING, "", k, found.heading - _TURN, found.heading + _TURN, label=str(k))
+            Parameter(quantities.HEADING, "", k, begin_at.heading - _TURN, begin_at.heading + _TURN, label=str(k))
         )
-        placed.append(replace(scan, place=replace(scan.place, heading=found.heading)))
+        placed.append(replace(scan, place=replace(scan.place, heading=begin_at.heading)))
     begin = {key: measured.value for key, measured in start.shared.items()}
     for shared, deviation in SHARED:
         lower, upper = shared.bounds(room, board)
@@ -551,14 +555,16 @@ def reflectances_of(room: Room, fitted: TurntableFit) -> tuple[CalibratedValue, 
     return tuple(findings)
 
 
-def with_reflectances(room: Room, found: Sequence[CalibratedValue]) -> Room:
+def with_reflectances(room: Room, reflectances: Sequence[CalibratedValue]) -> Room:
     """Return the room with these reflectances, also in its text. Raises InputError if there are none."""
-    if not found:
+    if not reflectances:
         raise InputError(
             f"room {room.name!r}: no material has a reflectance that scans can change; "
             "expected one from 0.2 to 1, without a table"
         )
-    return quantities.REFLECTANCE.write(room, {one.key: float(one.text) for one in found})
+    return quantities.REFLECTANCE.write(
+        room, {reflectance.key: float(reflectance.text) for reflectance in reflectances}
+    )
 
 
 def gained_by_reflection(before: Room, after: Room) -> float:
@@ -571,15 +577,16 @@ def gained_by_reflection(before: Room, after: Room) -> float:
     return float(np.average(20 * np.log10(np.where(old > 0, new / np.maximum(old, 1e-9), 1.0)), weights=lengths))
 
 
-def is_contradicted(found: CalibratedValue) -> bool:
+def is_contradicted(reflectance: CalibratedValue) -> bool:
     """Return whether the value of the room file is outside the 95 % interval of the scans."""
-    return not found.low <= found.before <= found.high
+    return not reflectance.low <= reflectance.before <= reflectance.high
 
 
-def reflectance_text(found: CalibratedValue) -> str:
+def reflectance_text(reflectance: CalibratedValue) -> str:
     """Return material, reflectance, interval, and the value of the room file, in words."""
-    name = harmless(found.key)
-    return f"reflectance of {name!r}: {found.text}, 95 % {found.interval_text}; the room file says {found.before:g}"
+    name = harmless(reflectance.key)
+    value = f"reflectance of {name!r}: {reflectance.text}, 95 % {reflectance.interval_text}"
+    return f"{value}; the room file says {reflectance.before:g}"
 
 
 _UNITS = {"range_offset": "m", "clock_error": "", "turntable_scale": "", "axis_x": "m", "axis_y": "m"}
@@ -621,15 +628,15 @@ class RoomCalibration(Calibration):
             *super().lines(),
             *(f"{reflectance_text(reflectance)}; {used}" for reflectance in self.reflectances),
             *(
-                f"{scan.name}: {when} {_explained(one)}"
+                f"{scan.name}: {when} {_explained(comparison)}"
                 for scan, *both in zip(self.scans, self.before, self.after, strict=True)
-                for when, one in zip(("before", "after"), both, strict=True)
+                for when, comparison in zip(("before", "after"), both, strict=True)
             ),
         ]
 
     def own_body_lines(self) -> list[str]:
         """Return the parts of the own body, and how many readings of it are left out, in words."""
-        own = sum(row.kind is Kind.OWN_BODY for one in self.after for row in one.rows)
+        own = sum(row.kind is Kind.OWN_BODY for comparison in self.after for row in comparison.rows)
         left_out = [f"own body: {counted(own, 'reading')} left out"] if self.own_body else []
         return [*super().own_body_lines(), *left_out]
 
@@ -678,31 +685,37 @@ def calibrate_in_room(
     progress(0.0, "searching headings")
     first = starting_turntable(scans, room, start, lambda share: progress(0.25 * share, "searching headings"))
     scale = first.shared[quantities.SCALE.key].value
-    found = RoomCalibration(start, replace(start, turntable_scale=scale), scans=scans, given=room, room=room)
-    found.before = _compared(found, start)
-    _find_own_body(found, first)
+    calibration = RoomCalibration(start, replace(start, turntable_scale=scale), scans=scans, given=room, room=room)
+    calibration.before = _compared(calibration, start)
+    _find_own_body(calibration, first)
     searches = iter(range(1000))
     fitted = fit_turntable(
-        scans, room, found.board, first, lambda: progress(min(0.25 + 0.06 * next(searches), 0.5), "fitting geometry")
+        scans,
+        room,
+        calibration.board,
+        first,
+        lambda: progress(min(0.25 + 0.06 * next(searches), 0.5), "fitting geometry"),
     )
-    found.reflectances = reflectances_of(room, fitted)
+    calibration.reflectances = reflectances_of(room, fitted)
     if reflectances:
-        _reflect_as_found(found)
-    _find_geometry(found, fitted)
-    _find_home(found, fitted)
-    _find_detection(found, fitted.places, lambda share: progress(0.5 + 0.35 * share, "choosing threshold and aperture"))
-    _find_spreads(found, fitted.places, lambda: progress(0.87, "finding spreads"))
+        _reflect_as_found(calibration)
+    _find_geometry(calibration, fitted)
+    _find_home(calibration, fitted)
+    _find_detection(
+        calibration, fitted.places, lambda share: progress(0.5 + 0.35 * share, "choosing threshold and aperture")
+    )
+    _find_spreads(calibration, fitted.places, lambda: progress(0.87, "finding spreads"))
     progress(0.93, "comparing")
-    found.after = _compared(found, found.board)
+    calibration.after = _compared(calibration, calibration.board)
     progress(1.0, "comparing")
     if len(scans) < _FEWEST_SCANS:
-        found.doubts.append(
+        calibration.doubts.append(
             f"{counted(len(scans), 'scan')}: values may be those of this place alone; "
             f"expected at least {_FEWEST_SCANS} places"
         )
-    found.doubts += [f"{doubt}; calibrate its reflectances, too" for doubt in found.contradictions]
-    found.header = _header(found)
-    return found
+    calibration.doubts += [f"{doubt}; calibrate its reflectances, too" for doubt in calibration.contradictions]
+    calibration.header = _header(calibration)
+    return calibration
 
 
 def _check(start: Board, scans: Sequence[PlacedScan], reflectances: bool) -> None:
@@ -717,12 +730,12 @@ def _check(start: Board, scans: Sequence[PlacedScan], reflectances: bool) -> Non
         raise InputError("the logs have no silence, so they determine no reflectance; calibrate the board only")
 
 
-def _compared(found: RoomCalibration, board: Board) -> tuple[Comparison, ...]:
+def _compared(calibration: RoomCalibration, board: Board) -> tuple[Comparison, ...]:
     """Return each scan beside its prediction, with heading, offset and position within 3 cm as fit it best."""
     comparisons = []
-    for scan in found.scans:
-        fit = fit_scan(scan.readings, found.room, scan.place, board, frozenset({"heading", "offset", "position"}))
-        comparisons.append(compare_readings(scan.readings, found.room, fit.place, board, offset=fit.offset))
+    for scan in calibration.scans:
+        fit = fit_scan(scan.readings, calibration.room, scan.place, board, frozenset({"heading", "offset", "position"}))
+        comparisons.append(compare_readings(scan.readings, calibration.room, fit.place, board, offset=fit.offset))
     return tuple(comparisons)
 
 
@@ -734,43 +747,43 @@ def _explained(comparison: Comparison) -> str:
     return share if agreement is None else f"{share}, balanced accuracy of silence {agreement:.3f}"
 
 
-def _header(found: RoomCalibration) -> list[str]:
+def _header(calibration: RoomCalibration) -> list[str]:
     """Return the header of the profile, which names the room and the scans."""
-    keys = [finding.key for finding in found.findings] + (["own_body"] if found.own_body else [])
-    which = "as in its file" if found.room is found.given else "with these reflectances"
+    keys = [finding.key for finding in calibration.findings] + (["own_body"] if calibration.own_body else [])
+    which = "as in its file" if calibration.room is calibration.given else "with these reflectances"
     header = [
-        f"# Calibrated by `sonarhw calibrate` in room {harmless(found.given.name)!r}, beginning with profile "
-        f"{found.start.name!r}: {', '.join(keys)}.",
+        f"# Calibrated by `sonarhw calibrate` in room {harmless(calibration.given.name)!r}, beginning with profile "
+        f"{calibration.start.name!r}: {', '.join(keys)}.",
         "# Threshold and aperture: most echoes within 5 cm, counted three times, and silence, counted once.",
         "# Spreads are those of readings, as they are in the logs.",
         f"# The profile belongs to the room {which}. The scans give:",
-        *(f"#   {reflectance_text(reflectance)}" for reflectance in found.reflectances),
+        *(f"#   {reflectance_text(reflectance)}" for reflectance in calibration.reflectances),
     ]
-    for scan, after in zip(found.scans, found.after, strict=True):
+    for scan, after in zip(calibration.scans, calibration.after, strict=True):
         x, y = scan.place.position
         header.append(f"#   {harmless(scan.title)}: at {x:g}, {y:g} m; {_explained(after)}")
     return header
 
 
-def _find_own_body(found: RoomCalibration, first: TurntableFit) -> None:
+def _find_own_body(calibration: RoomCalibration, first: TurntableFit) -> None:
     """Find the carrier's body among the echoes that the room does not explain, and apply it."""
-    board = replace(found.start, own_body=(), turntable_scale=first.shared[quantities.SCALE.key].value)
+    board = replace(calibration.start, own_body=(), turntable_scale=first.shared[quantities.SCALE.key].value)
     compared = [
-        compare_readings(scan.readings, found.room, place, board)
-        for scan, place in zip(found.scans, first.places, strict=True)
+        compare_readings(scan.readings, calibration.room, place, board)
+        for scan, place in zip(calibration.scans, first.places, strict=True)
     ]
-    if place_numbers([scan.place.position for scan in found.scans]).max() == 0:
-        found.kept["own_body"] = "all logs are from one place; scan from another place"
-        found.doubts += _lone_runs(compared)
+    if place_numbers([scan.place.position for scan in calibration.scans]).max() == 0:
+        calibration.kept["own_body"] = "all logs are from one place; scan from another place"
+        calibration.doubts += _lone_runs(compared)
         return
-    unexplained = [[row.reading for row in one.rows if row.path is None] for one in compared]
-    found.own_body = find_own_body(
-        [replace(scan, readings=readings) for scan, readings in zip(found.scans, unexplained, strict=True)]
+    unexplained = [[row.reading for row in comparison.rows if row.path is None] for comparison in compared]
+    calibration.own_body = find_own_body(
+        [replace(scan, readings=readings) for scan, readings in zip(calibration.scans, unexplained, strict=True)]
     )
-    if found.own_body:
-        found.board = replace(found.board, own_body=found.own_body)
-    elif found.start.own_body:
-        found.kept["own_body"] = "no other echoes have the same turntable angle and range at all places"
+    if calibration.own_body:
+        calibration.board = replace(calibration.board, own_body=calibration.own_body)
+    elif calibration.start.own_body:
+        calibration.kept["own_body"] = "no other echoes have the same turntable angle and range at all places"
 
 
 def _lone_runs(compared: Sequence[Comparison]) -> list[str]:
@@ -790,70 +803,72 @@ def _lone_runs(compared: Sequence[Comparison]) -> list[str]:
     return lines
 
 
-def _reflect_as_found(found: RoomCalibration) -> None:
+def _reflect_as_found(calibration: RoomCalibration) -> None:
     """Give the room the reflectances found, and move the threshold with the level of one reflection.
 
     This level is what profile and room file state together. It stays until the scans contradict it, by the rule for
     threshold and aperture. Echoes with more reflections determine the reflectances.
     """
-    found.room = with_reflectances(found.given, found.reflectances)
-    moved = found.board.threshold_db + gained_by_reflection(found.given, found.room)
-    found.board = replace(found.board, threshold_db=min(moved, 0.0))
+    calibration.room = with_reflectances(calibration.given, calibration.reflectances)
+    moved = calibration.board.threshold_db + gained_by_reflection(calibration.given, calibration.room)
+    calibration.board = replace(calibration.board, threshold_db=min(moved, 0.0))
 
 
-def _find_geometry(found: RoomCalibration, fitted: TurntableFit) -> None:
+def _find_geometry(calibration: RoomCalibration, fitted: TurntableFit) -> None:
     """Add what the scans show to be other than before; the rest stays."""
     for key, unit in _UNITS.items():
-        measured, before = fitted.shared[key], float(getattr(found.start, key))
+        measured, before = fitted.shared[key], float(getattr(calibration.start, key))
         if abs(measured.value - before) > _CONTRADICTED * measured.deviation:
-            found.add_measured(key, measured, unit)
+            calibration.add_measured(key, measured, unit)
         else:
             half = f"{measured.value:.2g} ± {_CONTRADICTED * measured.deviation:.2g} {unit}".rstrip()
-            found.kept[key] = f"the scans do not contradict it (99 %: {half})"
-            found.board = found.board.with_numbers({key: before})
-    found.kept["mount.ahead"] = "only its sum with range_offset shows in a room; measure it with a ruler"
+            calibration.kept[key] = f"the scans do not contradict it (99 %: {half})"
+            calibration.board = calibration.board.with_numbers({key: before})
+    calibration.kept["mount.ahead"] = "only its sum with range_offset shows in a room; measure it with a ruler"
 
 
-def _find_home(found: RoomCalibration, fitted: TurntableFit) -> None:
+def _find_home(calibration: RoomCalibration, fitted: TurntableFit) -> None:
     """Add the direction of the zero, if it is the same in all logs."""
     turns = np.array(
         [
             math.remainder(place.heading - scan.place.heading, math.tau)
-            for scan, place in zip(found.scans, fitted.places, strict=True)
+            for scan, place in zip(calibration.scans, fitted.places, strict=True)
         ]
     )
     middle = float(np.angle(np.exp(1j * turns).mean()))
     away = np.angle(np.exp(1j * (turns - middle)))
     if np.abs(away).max() > _SAME_ZERO:
-        found.kept["home_angle_deg"] = (
+        calibration.kept["home_angle_deg"] = (
             f"the zero differs by up to {math.degrees(float(np.ptp(away))):.0f} degrees between the logs; "
             "give the heading of each place"
         )
         return
     # at least the uncertainty of one heading
     spread = max(float(np.std(away, ddof=1)) if len(away) > 1 else 0.0, math.radians(1.0)) / math.sqrt(len(away))
-    found.add_measured("home_angle_deg", Measured(math.degrees(middle), math.degrees(spread)), "degrees")
+    calibration.add_measured("home_angle_deg", Measured(math.degrees(middle), math.degrees(spread)), "degrees")
 
 
-def _find_detection(found: RoomCalibration, places: Sequence[Place], tick: Callable[[float], None]) -> None:
+def _find_detection(calibration: RoomCalibration, places: Sequence[Place], tick: Callable[[float], None]) -> None:
     """Add threshold and aperture by the rule for echoes and silence; a threshold that no silence bounds stays."""
-    redundancy = float(np.mean([readings_per_independent(scan, found.board) for scan in found.scans]))
-    threshold, aperture = choose_detection(found.scans, found.room, found.board, places, redundancy, tick)
+    redundancy = float(np.mean([readings_per_independent(scan, calibration.board) for scan in calibration.scans]))
+    threshold, aperture = choose_detection(
+        calibration.scans, calibration.room, calibration.board, places, redundancy, tick
+    )
     if threshold is None:
-        found.kept["threshold_db"] = "the logs have no silence, or no echo"
+        calibration.kept["threshold_db"] = "the logs have no silence, or no echo"
     else:
-        found.add("threshold_db", *threshold, "dB")
-    found.add("aperture_radius", *aperture, "m")
+        calibration.add("threshold_db", *threshold, "dB")
+    calibration.add("aperture_radius", *aperture, "m")
 
 
-def _find_spreads(found: RoomCalibration, places: Sequence[Place], tick: Callable[[], None]) -> None:
+def _find_spreads(calibration: RoomCalibration, places: Sequence[Place], tick: Callable[[], None]) -> None:
     """Add the standard deviations of range and threshold; one that the profile states stays until contradicted."""
-    of_range, of_threshold = spreads(found.scans, found.room, found.board, places, tick)
+    of_range, of_threshold = spreads(calibration.scans, calibration.room, calibration.board, places, tick)
     for key, measured, unit in (("threshold_sd_db", of_threshold, "dB"), ("range_sd", of_range, "m")):
-        half, before = Z95 * measured.deviation, float(getattr(found.start, key))
+        half, before = Z95 * measured.deviation, float(getattr(calibration.start, key))
         low, high = max(measured.value - half, 0.0), measured.value + half
         # the spread of a population holds until the scans contradict it; 0 states none
         if before and low <= before <= high:
-            found.kept[key] = f"the 95 % interval of the scans, {low:.2g} to {high:.2g} {unit}, contains it"
+            calibration.kept[key] = f"the 95 % interval of the scans, {low:.2g} to {high:.2g} {unit}, contains it"
         else:
-            found.add(key, measured.value, low, high, unit)
+            calibration.add(key, measured.value, low, high, unit)

@@ -83,8 +83,8 @@ def fit_setting(
     names = _names(scans)
     parameters = free_parameters(words, names, room, board)
     fixed = [name for name in ("x", "y") if all(parameter.quantity.name != name for parameter in parameters)]
-    at = [room.place(place) for place in places] or [_recorded(scan, room, fixed) for scan in scans]
-    placed = placed_scans(scans, at)
+    chosen = [room.place(place) for place in places] or [_recorded(scan, room, fixed) for scan in scans]
+    placed = placed_scans(scans, chosen)
     if places:
         parameters = tuple(_near(parameter, placed) for parameter in parameters)
     return FitSetting(room, board, placed, with_priors(parameters, priors))
@@ -142,8 +142,8 @@ def _middle(room: Room) -> tuple[float, float]:
 def _near(parameter: Parameter, scans: Sequence[PlacedScan]) -> Parameter:
     if parameter.quantity not in (X, Y):
         return parameter
-    at = scans[parameter.scan or 0].place.position[0 if parameter.quantity is X else 1]
-    return replace(parameter, lower=at - NEAR, upper=at + NEAR)
+    coordinate = scans[parameter.scan or 0].place.position[0 if parameter.quantity is X else 1]
+    return replace(parameter, lower=coordinate - NEAR, upper=coordinate + NEAR)
 
 
 # Warnings of a fit: several solutions, parameters that the data do not determine, values at their bounds.
@@ -206,10 +206,10 @@ def _several_solutions(result: FitResult) -> list[FitWarning]:
 def is_unconstrained(parameter: Parameter, estimate: Estimate) -> bool:
     """Report whether an estimate is about as uncertain as its prior."""
     lower, upper = _bounds(parameter)
-    known = (upper - lower) / math.sqrt(12)
+    before = (upper - lower) / math.sqrt(12)
     if parameter.deviation is not None:
-        known = min(known, parameter.deviation)
-    return estimate.deviation > _SAYS_NOTHING * known
+        before = min(before, parameter.deviation)
+    return estimate.deviation > _SAYS_NOTHING * before
 
 
 def _bounds(parameter: Parameter) -> tuple[float, float]:
@@ -272,9 +272,9 @@ def shown_mismatches(
 def _gains(information: FloatArray, pull: FloatArray, chosen: list[int]) -> FloatArray:
     """Return what each value alone explains, chi-squared (t,), if the chosen ones are already off; 0 for those."""
     across = information[:, chosen]
-    known = np.linalg.solve(information[np.ix_(chosen, chosen)], np.column_stack((across.T, pull[chosen])))
-    left = pull - across @ known[:, -1]
-    stiffness = np.diag(information) - (across * known[:, :-1].T).sum(axis=1)
+    solved = np.linalg.solve(information[np.ix_(chosen, chosen)], np.column_stack((across.T, pull[chosen])))
+    left = pull - across @ solved[:, -1]
+    stiffness = np.diag(information) - (across * solved[:, :-1].T).sum(axis=1)
     gains = np.where(stiffness > 1e-9, left**2 / np.maximum(stiffness, 1e-9), 0.0)
     gains[chosen] = 0.0
     return np.asarray(gains)
@@ -316,8 +316,8 @@ def fit_scans(
 
     # for uncertainties and for the comparison of solutions
     weighted = replace(problem, redundancies=_redundancies(problem))
-    found = _starting_poses(problem, options, partial(tick, "searching", 0.0, 0.5))
-    solutions = _solutions(problem, weighted, found, partial(tick, "refining", 0.5, 0.7))
+    starts = _starting_poses(problem, options, partial(tick, "searching", 0.0, 0.5))
+    solutions = _solutions(problem, weighted, starts, partial(tick, "refining", 0.5, 0.7))
     marginals = marginals_of(weighted, solutions[0].values, options, sampling)
     sampling(1.0)
     result = _result(problem, marginals, solutions)
@@ -355,36 +355,36 @@ def _starting_poses(problem: Problem, options: FitOptions, tick: Callable[[float
 
 
 def _solutions(
-    problem: Problem, weighted: Problem, found: list[list[ScoredValues]], tick: Callable[[float], None]
+    problem: Problem, weighted: Problem, poses: list[list[ScoredValues]], tick: Callable[[float], None]
 ) -> list[ScoredValues]:
     """Return the best solution, followed by others that are about as good according to `weighted`."""
-    starts = list(_starts(weighted, found))
+    starts = list(_starts(weighted, poses))
     stages = COARSE, MODERATE
     rough = [peak_at(problem, refined(problem, start, stages=stages, tick=lambda: tick(0.0))) for start in starts]
-    rough.sort(key=lambda one: -one.score)
+    rough.sort(key=lambda peak: -peak.score)
     tops: list[Peak] = []
     count, promising = len(problem.parameters), _PROMISING * max(weighted.redundancies)
-    for done, one in enumerate(rough):
+    for done, peak in enumerate(rough):
         tick(done / len(rough))
-        if rough[0].score - one.score < promising and not any(
-            is_same(problem, one.values, other.values) for other in tops
+        if rough[0].score - peak.score < promising and not any(
+            is_same(problem, peak.values, other.values) for other in tops
         ):
             # the noise does not depend on the solution, so that of the best one is the start for all
-            begin = np.concatenate((one.values[:count], (tops or rough)[0].values[count:]))
+            begin = np.concatenate((peak.values[:count], (tops or rough)[0].values[count:]))
             tops.append(highest(problem, begin, _CLIMBS, partial(tick, done / len(rough))))
-    tops.sort(key=lambda one: -one.score)
+    tops.sort(key=lambda peak: -peak.score)
     scored = [ScoredValues(top.values, weighted.near(top.values)(top.values)) for top in tops]
-    return [one for one in scored if scored[0].score - one.score < _AS_GOOD]
+    return [peak for peak in scored if scored[0].score - peak.score < _AS_GOOD]
 
 
-def _starts(problem: Problem, found: list[list[ScoredValues]]) -> Iterator[FloatArray]:
+def _starts(problem: Problem, poses: list[list[ScoredValues]]) -> Iterator[FloatArray]:
     """Yield the best poses of all scans together, then the same with another pose of one scan."""
     best = problem.start()
-    for scan, several in enumerate(found):
+    for scan, several in enumerate(poses):
         rows = problem.pose_rows(scan)
         best[rows] = several[0].values[rows]
     yield best
-    for scan, several in enumerate(found):
+    for scan, several in enumerate(poses):
         rows = problem.pose_rows(scan)
         for other in several[1 : 1 + _OTHERS]:
             if several[0].score - other.score < _PROMISING * problem.redundancies[scan]:
@@ -396,7 +396,7 @@ def _starts(problem: Problem, found: list[list[ScoredValues]]) -> Iterator[Float
 def _result(problem: Problem, marginals: Marginals, solutions: list[ScoredValues]) -> FitResult:
     count, whole, best = len(problem.parameters), marginals.problem, solutions[0]
     turns = _turns(problem, marginals.middle)
-    middle, lower, upper = (one + turns for one in (marginals.middle, marginals.lower, marginals.upper))
+    middle, lower, upper = (values + turns for values in (marginals.middle, marginals.lower, marginals.upper))
     deviations = np.sqrt(np.diag(marginals.covariance))
     estimates = [
         _estimate(parameter, middle[row], deviations[row], lower[row], upper[row])
@@ -407,9 +407,9 @@ def _result(problem: Problem, marginals: Marginals, solutions: list[ScoredValues
     room, places, board = problem.setting(middle[:count])
     return FitResult(
         parameters=problem.parameters,
-        estimates={one.name: estimate for one, estimate in zip(problem.parameters, estimates, strict=False)},
+        estimates={values.name: estimate for values, estimate in zip(problem.parameters, estimates, strict=False)},
         correlations=np.asarray(marginals.covariance[:count, :count] / np.outer(safe, safe)),
-        noise={one.name: math.exp(value) for one, value in noise},
+        noise={values.name: math.exp(value) for values, value in noise},
         warnings=(),
         modes=tuple(_mode(problem, solution, best.score) for solution in solutions),
         room=room,
@@ -417,7 +417,9 @@ def _result(problem: Problem, marginals: Marginals, solutions: list[ScoredValues
         board=board,
         score=best.score,
         samples=(marginals.samples + turns)[:, :count],
-        tolerated={one.name: estimate for one, estimate in zip(marginals.tolerated, estimates[count:], strict=True)},
+        tolerated={
+            values.name: estimate for values, estimate in zip(marginals.tolerated, estimates[count:], strict=True)
+        },
         mismatches=shown_mismatches(marginals.tolerated, *marginals.shifts),
     )
 
@@ -489,8 +491,8 @@ def fitted_room(room: Room, values: Values, places: Sequence[Place]) -> Room:
         room = parts.write(room, by_part)
     for parameter, value in values.items():
         if isinstance(quantity := parameter.quantity, AirQuantity):
-            found = getattr(quantity.put(room.air, value), quantity.key)
-            room = with_air(room, replace(room.air, **{quantity.key: round(found, quantity.digits)}))
+            number = getattr(quantity.put(room.air, value), quantity.key)
+            room = with_air(room, replace(room.air, **{quantity.key: round(number, quantity.digits)}))
     if any(isinstance(parameter.quantity, PlaceQuantity) for parameter in values):
         for place in places:
             room = with_place(room, _rounded(place))
@@ -498,7 +500,7 @@ def fitted_room(room: Room, values: Values, places: Sequence[Place]) -> Room:
 
 
 def _rounded(place: Place) -> Place:
-    x, y = (round(at, X.digits) + 0.0 for at in place.position)
+    x, y = (round(coordinate, X.digits) + 0.0 for coordinate in place.position)
     return replace(place, position=(x, y), heading=math.radians(round(math.degrees(place.heading), HEADING.digits)))
 
 
@@ -543,14 +545,14 @@ def fitted_board(
     """
     profile: Any = tomlkit.parse(board.text)
     profile["name"] = name
-    found = []
+    names = []
     for parameter, quantity, value in board_values(board, values):
         deviation = None if deviations is None else deviations.get(parameter)
         spread = "" if deviation is None else f" ± {deviation:.{quantity.digits}f}"
         table, key = table_and_key(profile, quantity)
         set_marked(table, key, value, quantity.read(board), f"fitted{spread}")
-        found.append(quantity.name)
-    text = _with_provenance(tomlkit.dumps(profile), board.name, found, logs, unconstrained)
+        names.append(quantity.name)
+    text = _with_provenance(tomlkit.dumps(profile), board.name, names, logs, unconstrained)
     return parse_board(text, f"profile {name!r}")
 
 
@@ -568,10 +570,10 @@ def table_and_key(profile: Any, quantity: BoardQuantity) -> tuple[Any, str]:
 
 
 def _with_provenance(
-    text: str, before: str, found: Sequence[str], logs: Sequence[str], unconstrained: Sequence[str]
+    text: str, before: str, names: Sequence[str], logs: Sequence[str], unconstrained: Sequence[str]
 ) -> str:
     """Return the text below a header with the fitted values; its old header is quoted as that of profile `before`."""
-    fitted = ", ".join(found) or "no value"
+    fitted = ", ".join(names) or "no value"
     header = [f"# Fitted by `sonarhw fit`{_on(logs)}, beginning with profile {before!r}: {fitted}."]
     if unconstrained:
         header.append(f"# Kept, the scans hardly constrain it: {', '.join(unconstrained)}.")
@@ -604,8 +606,8 @@ class FittedScans(FitResult):
             for parameter in self.parameters
             if not isinstance(parameter.quantity, BoardQuantity)
         ]
-        found = fitted_room(setting.room, values, places)
-        return with_listed_findings(found, setting.room.name, lines, self._log_names)
+        fitted_file = fitted_room(setting.room, values, places)
+        return with_listed_findings(fitted_file, setting.room.name, lines, self._log_names)
 
     def board_file(self, name: str) -> Board:
         """Return the fitted board profile with this name; values that the scans hardly constrain stay as they were."""

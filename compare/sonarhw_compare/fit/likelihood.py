@@ -238,12 +238,12 @@ class PathMemory:
 
     def paths(self, room: Room, key: object, search: Callable[[], tuple[EchoPaths, ...]]) -> tuple[EchoPaths, ...]:
         """Return the paths of an earlier search in this very room with an equal key, or else those of `search`."""
-        for there, its_key, found in tuple(self._searches):
+        for there, its_key, paths in tuple(self._searches):
             if there is room and its_key == key:
-                return found
-        found = search()
-        self._searches.append((room, key, found))
-        return found
+                return paths
+        paths = search()
+        self._searches.append((room, key, paths))
+        return paths
 
 
 # The log-likelihood of readings for given paths: detected echoes, undetected echoes, and no echo.

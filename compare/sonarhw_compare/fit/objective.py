@@ -237,8 +237,8 @@ class Problem:
         prediction = prediction or self.prediction
         room, places, board = self.setting(values)
         key = (self.board, self.places, self.parameters, prediction, values[: len(self.parameters)].tobytes())
-        found = self.memory.paths(self.room, key, lambda: self._searched(room, board, places, prediction))
-        return Objective(self, values.copy(), room, places, found)
+        paths = self.memory.paths(self.room, key, lambda: self._searched(room, board, places, prediction))
+        return Objective(self, values.copy(), room, places, paths)
 
     @cached_property
     def _together(self) -> float:
@@ -256,12 +256,13 @@ class Problem:
         fainter = replace(self.board, sum_arrivals=False, threshold_db=board.threshold_db - _DIFFRACTED_FURTHER)
         search = search_for(room, fainter, prediction)
         materials, walls = (
-            [self.parameters[row].of for row in self.rows_of(one)] for one in (quantities.REFLECTANCE, quantities.WALL)
+            [self.parameters[row].of for row in self.rows_of(quantity)]
+            for quantity in (quantities.REFLECTANCE, quantities.WALL)
         )
 
         def of_place(place: Place) -> likelihood.EchoPaths:
-            found = paths_from(room, board.at_axis(board.faced(place)), search, None, board.aperture_radius)
-            paths = likelihood.with_reverses(likelihood.with_summed_patches(found, room, board), board)
+            placed_paths = paths_from(room, board.at_axis(board.faced(place)), search, None, board.aperture_radius)
+            paths = likelihood.with_reverses(likelihood.with_summed_patches(placed_paths, room, board), board)
             paths = paths.select(loud_enough(room, board, paths, _KEPT_BELOW_THRESHOLD))
             kept = likelihood.echo_paths(paths, room, materials, walls, self._together)
             return kept._replace(powers=kept.powers + likelihood.edge_powers(paths, room, materials, search))
@@ -311,7 +312,7 @@ class Objective:
 
     def _by_reading(self, values: FloatArray, scan: int) -> FloatArray:
         """Return the log-likelihood of each reading of a scan for several vectors (m, size), (m, n)."""
-        readings, found = self.problem.scans[scan], self.paths[scan]
+        readings, echo_paths = self.problem.scans[scan], self.paths[scan]
         likelihoods = np.empty((len(values), len(readings.angles)))
         noises = np.exp(values[:, len(self.problem.parameters) :])
         rows = zip(values, noises.tolist(), self._images(values, scan), self._levels(values, scan), strict=True)
@@ -320,7 +321,9 @@ class Objective:
             numbers = self._of_board(vector)
             x, y, heading = self._axis_pose(vector, scan, numbers)
             by = x - self._axes[scan][0], y - self._axes[scan][1]
-            paths = likelihood.PathArrays(out, back, found.rise, found.turn, found.kind, found.until, levels)
+            paths = likelihood.PathArrays(
+                out, back, echo_paths.rise, echo_paths.turn, echo_paths.kind, echo_paths.until, levels
+            )
             chosen = self._for_kernel(vector, numbers, heading, noise.stretch)
             likelihoods[row] = likelihood.log_likelihoods(
                 readings, paths, by, chosen, noise, self._table, self._lateness
@@ -351,7 +354,10 @@ class Objective:
     def _of_board(self, values: FloatArray) -> dict[str, float]:
         """Return the numbers of the board profile by key."""
         present = self._present
-        changed = {one.key: one.number(present[one.key], float(values[row])) for row, one in self._board_rows}
+        changed = {
+            quantity.key: quantity.number(present[quantity.key], float(values[row]))
+            for row, quantity in self._board_rows
+        }
         return present | changed
 
     def _axis_pose(self, values: FloatArray, scan: int, numbers: Mapping[str, float]) -> tuple[float, float, float]:
@@ -414,14 +420,14 @@ class Objective:
 
     @cached_property
     def _present(self) -> dict[str, float]:
-        return {one.key: one.read(self.problem.board) for one in _OF_BOARD}
+        return {quantity.key: quantity.read(self.problem.board) for quantity in _OF_BOARD}
 
     @cached_property
     def _poses(self) -> list[tuple[dict[str, float], list[tuple[int, str]]]]:
         """For each scan, the present pose by name of its quantities, and the rows that change it."""
         return [
             (
-                {one.name: one.value(place) for one in (quantities.X, quantities.Y, quantities.HEADING)},
+                {quantity.name: quantity.value(place) for quantity in (quantities.X, quantities.Y, quantities.HEADING)},
                 [(row, self.problem.parameters[row].quantity.name) for row in self.problem.pose_rows(scan)],
             )
             for scan, place in enumerate(self.places)
@@ -437,7 +443,7 @@ class Objective:
     def _table(self) -> FloatArray:
         board = self.problem.board
         widest = [quantity.put(board, self.problem.parameters[row].upper) for row, quantity in self._board_rows]
-        aperture = max(one.aperture_radius for one in (board, *widest))
+        aperture = max(profile.aperture_radius for profile in (board, *widest))
         coldest = replace(self.room.air, temperature_c=-10.0)
         return beam_table(board.wavenumber(coldest) * aperture)
 
@@ -456,8 +462,8 @@ class Objective:
         moves = ((paths.out, paths.out_by_wall), (paths.back, paths.back_by_wall))
         # one product of matrices each, much faster than a stack of products
         moved = (
-            one + (shifts @ by.reshape(one.size, shifts.shape[1]).T).reshape(len(values), *one.shape)
-            for one, by in moves
+            positions + (shifts @ by.reshape(positions.size, shifts.shape[1]).T).reshape(len(values), *positions.shape)
+            for positions, by in moves
         )
         return zip(*moved, strict=True)
 

@@ -48,15 +48,15 @@ def free_parameters(free: Sequence[str], scans: Sequence[str], room: Room, board
     `scans` are the names of the scans. Each scan has its own position and heading; all other parameters are shared. The
     bounds are those of the quantity; for a position, the whole room. Raises InputError for unknown words.
     """
-    found: dict[str, Parameter] = {}
+    parameters: dict[str, Parameter] = {}
     for word in free:
         of = word.strip().partition(":")[2]
         for quantity in quantities_of(word):
             for parameter in _of_quantity(quantity, of, scans, room, board):
-                found[parameter.name] = parameter
-    if {quantities.TEMPERATURE, quantities.SPEED} <= {parameter.quantity for parameter in found.values()}:
+                parameters[parameter.name] = parameter
+    if {quantities.TEMPERATURE, quantities.SPEED} <= {parameter.quantity for parameter in parameters.values()}:
         raise InputError("temperature,speed: each determines the other; free only one of them")
-    return tuple(found.values())
+    return tuple(parameters.values())
 
 
 def quantities_of(word: str) -> tuple[quantities.Quantity, ...]:
@@ -79,14 +79,14 @@ def _of_quantity(
             )
         labels = scans if len(scans) > 1 else [""]
         return [Parameter(quantity, "", k, *bounds, label=label) for k, label in enumerate(labels)]
-    known = quantity.parts(room) if isinstance(quantity, quantities.PartQuantity) else ()
-    if isinstance(quantity, quantities.PartQuantity) and not known:
+    parts = quantity.parts(room) if isinstance(quantity, quantities.PartQuantity) else ()
+    if isinstance(quantity, quantities.PartQuantity) and not parts:
         raise InputError(f"free {quantity}: room {room.name!r} has no {quantity} that a fit can change; leave it out")
-    if of and of not in known:
-        names = ", ".join(dict.fromkeys(known)) or "none"
+    if of and of not in parts:
+        names = ", ".join(dict.fromkeys(parts)) or "none"
         raise InputError(f"free {quantity}:{of}: unknown {quantity} {of!r}; room {room.name!r} has {names}")
-    several = [of] if of else list(dict.fromkeys(known)) or [""]
-    return [Parameter(quantity, one, None, *bounds) for one in several]
+    several = [of] if of else list(dict.fromkeys(parts)) or [""]
+    return [Parameter(quantity, part, None, *bounds) for part in several]
 
 
 def start_of(parameter: Parameter, places: Sequence[Place], room: Room, board: Board) -> float:
@@ -132,12 +132,12 @@ def applied(
 
 def values_by_part(values: Mapping[Parameter, float]) -> dict[quantities.PartQuantity, dict[str, float]]:
     """Return the values of materials and walls by name, grouped by quantity."""
-    found: dict[quantities.PartQuantity, dict[str, float]] = {}
+    grouped: dict[quantities.PartQuantity, dict[str, float]] = {}
     for quantity in quantities.QUANTITIES:
         by_part = {parameter.of: value for parameter, value in values.items() if parameter.quantity is quantity}
         if isinstance(quantity, quantities.PartQuantity) and by_part:
-            found[quantity] = by_part
-    return found
+            grouped[quantity] = by_part
+    return grouped
 
 
 # Priors of a fit in text: `temperature=21+-1` (normal), `x=0.2..1.4` (bounds), in the units of `--prior`.
@@ -163,16 +163,16 @@ def check_words(words: Sequence[str], priors: Sequence[str]) -> None:
 
 def with_priors(parameters: Sequence[Parameter], priors: Sequence[str]) -> tuple[Parameter, ...]:
     """Return the parameters with their priors. Raises InputError for an unknown name or an invalid prior."""
-    found = list(parameters)
+    changed = list(parameters)
     for prior in priors:
         name, _, text = prior.partition("=")
-        rows = [k for k, parameter in enumerate(found) if name in (parameter.name, parameter.quantity.name)]
+        rows = [k for k, parameter in enumerate(changed) if name in (parameter.name, parameter.quantity.name)]
         if not rows:
-            known = ", ".join(parameter.name for parameter in parameters)
-            raise InputError(f"prior {prior}: expected NAME=… with a free quantity: {known}")
+            names = ", ".join(parameter.name for parameter in parameters)
+            raise InputError(f"prior {prior}: expected NAME=… with a free quantity: {names}")
         for k in rows:
-            found[k] = _with_prior(found[k], prior, text)
-    return tuple(found)
+            changed[k] = _with_prior(changed[k], prior, text)
+    return tuple(changed)
 
 
 def _with_prior(parameter: Parameter, prior: str, text: str) -> Parameter:
@@ -228,8 +228,8 @@ def tolerated_parameters(
     """
     taken = {parameter.name for parameter in free}
     words = [word for quantity in quantities.QUANTITIES for word in _words(quantity, room, walls)]
-    found = [_tolerated(one, room, board, room_tolerance) for one in free_parameters(words, [""], room, board)]
-    return tuple(one for one in found if one.deviation and one.name not in taken)
+    parameters = [_tolerated(one, room, board, room_tolerance) for one in free_parameters(words, [""], room, board)]
+    return tuple(one for one in parameters if one.deviation and one.name not in taken)
 
 
 def _words(quantity: quantities.Quantity, room: Room, walls: Sequence[str]) -> list[str]:

@@ -142,10 +142,10 @@ class PartQuantity(Quantity):
 
 def nearest_temperature(speed: float, air: Air) -> float:
     """Return the temperature (°C) at which the speed of sound in the air is nearest to this one (m/s)."""
-    found = air.temperature_at(speed)
-    if found is None:
-        found = _COLDEST if speed < air.speed_at(_COLDEST) else _WARMEST
-    return found
+    temperature = air.temperature_at(speed)
+    if temperature is None:
+        temperature = _COLDEST if speed < air.speed_at(_COLDEST) else _WARMEST
+    return temperature
 
 
 def reflectance_of(room: "Room", material: str) -> float:

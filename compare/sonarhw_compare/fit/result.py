@@ -60,12 +60,12 @@ class Mismatch:
 def pose_text(parameters: Sequence[Parameter], pose: Sequence[float], best: Sequence[float]) -> str:
     """Return the values of a pose that differ from the best pose, as text; all values of the best one."""
     values = list(zip(parameters, pose, best, strict=True))
-    changed = [(one, value, at_best) for one, value, at_best in values if value != at_best]
+    changed = [(parameter, value, at_best) for parameter, value, at_best in values if value != at_best]
     return ", ".join(
-        f"{one.name} {estimate_degrees(value, at_best, 1):.1f}°"
-        if one.quantity.is_angle
-        else f"{one.name} {value:z.3f}"
-        for one, value, at_best in changed or values
+        f"{parameter.name} {estimate_degrees(value, at_best, 1):.1f}°"
+        if parameter.quantity.is_angle
+        else f"{parameter.name} {value:z.3f}"
+        for parameter, value, at_best in changed or values
     )
 
 
@@ -168,7 +168,11 @@ class FitResult:
         for parameter in self.parameters:
             yield f"{parameter.name:{width}}  {self._row(parameter)}"
         yield ""
-        shares = [f"{one.within_5cm:.0%} of {one.n_echo}" for one in self.agreement if one.within_5cm is not None]
+        shares = [
+            f"{summary.within_5cm:.0%} of {summary.n_echo}"
+            for summary in self.agreement
+            if summary.within_5cm is not None
+        ]
         yield f"{'; '.join(shares)} echoes within 5 cm of the fitted prediction"
         yield _noise_line(self.noise)
         names = list(self.estimates)
@@ -242,13 +246,13 @@ def check_given_once(scans: Sequence[PlacedScan]) -> None:
 
     Different scans from the same place are allowed.
     """
-    for one, other in combinations(scans, 2):
-        alike = (_same(here, there) for here, there in zip(one.readings, other.readings, strict=False))
-        if one.readings and other.readings and all(alike):
-            names = f"{one.title or 'one scan'} and {other.title or 'another'}"
+    for scan, other in combinations(scans, 2):
+        alike = (_same(earlier, later) for earlier, later in zip(scan.readings, other.readings, strict=False))
+        if scan.readings and other.readings and all(alike):
+            names = f"{scan.title or 'one scan'} and {other.title or 'another'}"
             raise InputError(f"{names} contain the same readings; give each log once")
 
 
-def _same(one: Reading, other: Reading) -> bool:
+def _same(reading: Reading, other: Reading) -> bool:
     """Report whether two readings are equal apart from their traces, which are arrays."""
-    return replace(one, trace=None) == replace(other, trace=None)
+    return replace(reading, trace=None) == replace(other, trace=None)

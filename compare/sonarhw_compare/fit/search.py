@@ -127,13 +127,13 @@ def climb(objective: Objective, values: FloatArray, movable: BoolArray, iteratio
     def loss(scaled: FloatArray) -> float:
         return -max(objective(at(scaled)), _WORST)
 
-    found = minimize(
+    maximum = minimize(
         loss,
         np.zeros(len(rows)),
         method="Powell",
         options={"maxiter": iterations, "ftol": _ENOUGH, "xtol": _NARROW},
     )
-    return at(np.asarray(found.x)) if found.fun < loss(np.zeros(len(rows))) else values
+    return at(np.asarray(maximum.x)) if maximum.fun < loss(np.zeros(len(rows))) else values
 
 
 def without_effect(objective: Objective, values: FloatArray, least: float = _ROUNDING) -> BoolArray:
@@ -242,7 +242,7 @@ def underestimated(problem: Problem, top: FloatArray, covariance: FloatArray) ->
         return ()
     values, vectors = np.linalg.eigh(covariance[:count, :count] / np.outer(deviations, deviations))
     best = problem.near(top)(top)
-    found: set[int] = set()
+    rows: set[int] = set()
     for value, vector in zip(values, vectors.T, strict=True):
         if value < _TOGETHER:
             continue
@@ -253,8 +253,8 @@ def underestimated(problem: Problem, top: FloatArray, covariance: FloatArray) ->
             if far >= _NEAREST:
                 lost = best - _with_one_fixed(problem, top, far * change, int(np.abs(vector).argmax()))
                 if lost < _LITTLE * far**2 / 2:
-                    found.update(np.flatnonzero(takes_part).tolist())
-    return tuple(problem.parameters[row] for row in sorted(found))
+                    rows.update(np.flatnonzero(takes_part).tolist())
+    return tuple(problem.parameters[row] for row in sorted(rows))
 
 
 def _distance(problem: Problem, top: FloatArray, change: FloatArray) -> float:
@@ -494,8 +494,8 @@ def marginals_of(problem: Problem, values: FloatArray, options: FitOptions, tick
     if tolerated:
         top = _maximum(whole, _swept(whole, top))
     idle = without_effect(whole.near(top), top, _SAYS_NOTHING)
-    known = _of_known(whole.without(idle), tolerated, top[~idle], options, tick)
-    return _with_priors(known, whole, idle, options) if idle.any() else known
+    determined = _of_known(whole.without(idle), tolerated, top[~idle], options, tick)
+    return _with_priors(determined, whole, idle, options) if idle.any() else determined
 
 
 def _of_known(
@@ -521,11 +521,11 @@ def _of_known(
     return Marginals(whole, tolerated, middle, lower, upper, covariance, narrow, samples)
 
 
-def _with_priors(known: Marginals, whole: Problem, idle: BoolArray, options: FitOptions) -> Marginals:
+def _with_priors(determined: Marginals, whole: Problem, idle: BoolArray, options: FitOptions) -> Marginals:
     """Return the posterior of `whole` from that without its parameters in `idle` (size,), whose priors are uniform."""
     rows = np.flatnonzero(idle)
     limits = np.array([whole.parameters[row].limits for row in rows]).T
-    draws = np.random.RandomState(options.seed).uniform(limits[0], limits[1], (len(known.samples), len(rows)))
+    draws = np.random.RandomState(options.seed).uniform(limits[0], limits[1], (len(determined.samples), len(rows)))
 
     def joined(of_known: FloatArray, of_idle: FloatArray) -> FloatArray:
         both = np.empty((*of_known.shape[:-1], whole.size))
@@ -540,13 +540,13 @@ def _with_priors(known: Marginals, whole: Problem, idle: BoolArray, options: Fit
     lower, upper = (limits[0] + (limits[1] - limits[0]) * percent / 100 for percent in CREDIBLE_INTERVAL)
     return Marginals(
         whole,
-        known.tolerated,
-        joined(known.middle, whole.start()[idle]),
-        joined(known.lower, lower),
-        joined(known.upper, upper),
-        spread(known.covariance),
-        spread(known.narrow),
-        joined(known.samples, draws),
+        determined.tolerated,
+        joined(determined.middle, whole.start()[idle]),
+        joined(determined.lower, lower),
+        joined(determined.upper, upper),
+        spread(determined.covariance),
+        spread(determined.narrow),
+        joined(determined.samples, draws),
     )
 
 

@@ -196,14 +196,14 @@ def local_maxima(scores: Scores, most: int, hopeless: float) -> list[tuple[float
     width = 2 * round(_FAR_APART / (math.tau / scores.scores.shape[1])) + 1
     compared = scores.scores.round(_EQUAL)
     nearby = maximum_filter1d(compared, width, axis=1, mode="wrap")
-    least, found = float(compared.max()) - hopeless, []
+    least, maxima = float(compared.max()) - hopeless, []
     for row, position in enumerate(scores.positions):
         near = np.hypot(*(scores.positions - position).T) < 2.5 * scores.spacing
         is_best = (compared[row] == nearby[near].max(axis=0)) & (compared[row] > least)
-        found += [(float(compared[row, column]), row, int(column)) for column in np.flatnonzero(is_best)]
+        maxima += [(float(compared[row, column]), row, int(column)) for column in np.flatnonzero(is_best)]
     return [
         (*scores.positions[row].tolist(), float(scores.headings[column]))
-        for _, row, column in sorted(found, reverse=True)[:most]
+        for _, row, column in sorted(maxima, reverse=True)[:most]
     ]
 
 
@@ -244,21 +244,21 @@ def starting_poses(problem: Problem, scan: int, tick: Tick) -> list[ScoredValues
     scored = sorted(
         ((round(alone.near(start, QUICK)(start), _EQUAL), k) for k, start in enumerate(starts)), reverse=True
     )
-    found: list[ScoredValues] = []
+    poses: list[ScoredValues] = []
     for done, (_, k) in enumerate(scored[:_CLIMBED]):
         tick(0.6 + 0.4 * done / _CLIMBED)
         top = refined(alone, starts[k], QUICK, (COARSE,), searches=2, iterations=3)
-        if not any(is_same(alone, top, one.values) for one in found):
-            found.append(ScoredValues(top, alone.near(top, QUICK)(top)))
-    found.sort(key=lambda one: -one.score)
-    return [replace(one, values=_in_whole(problem, rows, one.values)) for one in found]
+        if not any(is_same(alone, top, one.values) for one in poses):
+            poses.append(ScoredValues(top, alone.near(top, QUICK)(top)))
+    poses.sort(key=lambda one: -one.score)
+    return [replace(one, values=_in_whole(problem, rows, one.values)) for one in poses]
 
 
 def _alone(problem: Problem, scan: int, rows: list[int]) -> Problem:
     """Return the problem of the pose of one scan, with all other values at their start."""
     parameters = tuple(
-        replace(one, scan=0) if isinstance(one.quantity, PlaceQuantity) else one
-        for one in (problem.parameters[row] for row in rows)
+        replace(parameter, scan=0) if isinstance(parameter.quantity, PlaceQuantity) else parameter
+        for parameter in (problem.parameters[row] for row in rows)
     )
     return replace(
         problem,
@@ -279,8 +279,8 @@ def _poses(problem: Problem, tick: Tick) -> list[FloatArray]:
     """Return values of the parameters at the best poses of the lattice."""
     place, free = problem.places[0], {parameter.quantity: parameter for parameter in problem.parameters}
     spans = [
-        _span(free[quantity]) if quantity in free else (at, at)
-        for quantity, at in zip((X, Y), place.position, strict=True)
+        _span(free[quantity]) if quantity in free else (coordinate, coordinate)
+        for quantity, coordinate in zip((X, Y), place.position, strict=True)
     ]
     positions, spacing = lattice((spans[0][0], spans[1][0]), (spans[0][1], spans[1][1]))
     done = iter(range(len(positions)))
@@ -298,9 +298,9 @@ def _poses(problem: Problem, tick: Tick) -> list[FloatArray]:
     starts = []
     for pose in chosen:
         values = problem.start()
-        known: dict[Quantity, float] = dict(zip((X, Y, HEADING), pose, strict=True))
+        at_pose: dict[Quantity, float] = dict(zip((X, Y, HEADING), pose, strict=True))
         for row, parameter in enumerate(problem.parameters):
-            values[row] = known.get(parameter.quantity, values[row])
+            values[row] = at_pose.get(parameter.quantity, values[row])
         starts.append(values)
     return starts
 
@@ -329,13 +329,13 @@ def _within(scores: Scores, heading: Parameter | None, given: float) -> Scores:
     )
 
 
-def is_same(problem: Problem, one: FloatArray, other: FloatArray) -> bool:
+def is_same(problem: Problem, values: FloatArray, other: FloatArray) -> bool:
     """Report whether all poses of two solutions agree within 2 cm and 3°."""
     for row, parameter in enumerate(problem.parameters):
-        apart = float(one[row] - other[row])
-        if parameter.quantity.is_angle and abs(math.remainder(apart, math.tau)) > _SAME_HEADING:
+        difference = float(values[row] - other[row])
+        if parameter.quantity.is_angle and abs(math.remainder(difference, math.tau)) > _SAME_HEADING:
             return False
-        if parameter.quantity in (X, Y) and abs(apart) > _SAME:
+        if parameter.quantity in (X, Y) and abs(difference) > _SAME:
             return False
     return True
 
@@ -489,15 +489,15 @@ def _chosen(counts: FloatArray, means: FloatArray, offsets: FloatArray, echoes: 
     Most matching readings win, then the smaller mean error. A fit with less than half of that error wins instead if its
     count is the same within a standard error: a reading or two near the limit of 5 cm does not justify a wrong place.
     """
-    apart = np.broadcast_to(np.abs(offsets), counts.shape).ravel()
-    best = int(np.lexsort((apart, means.ravel().round(_EQUAL), -counts.ravel()))[0])
+    sizes = np.broadcast_to(np.abs(offsets), counts.shape).ravel()
+    best = int(np.lexsort((sizes, means.ravel().round(_EQUAL), -counts.ravel()))[0])
     most, mean = float(counts.flat[best]), float(means.flat[best])
     alike = max(1.0, math.sqrt(most * (1 - most / echoes)))
     closer = (counts >= most - alike) & (means < mean * _CLOSER)
     if closer.any():
         # each reading that does not match has an error of 5 cm or more
         errors = np.where(closer, counts * means + (echoes - counts) * TOLERANCE, np.inf)
-        best = int(np.lexsort((apart, errors.ravel().round(_EQUAL)))[0])
+        best = int(np.lexsort((sizes, errors.ravel().round(_EQUAL)))[0])
     place, turn, offset = np.unravel_index(best, counts.shape)
     return int(place), int(turn), int(offset)
 

@@ -218,8 +218,8 @@ def corner_is_a_tangential_wall(scene: PaperScene = RIGHT) -> Claim:
 def hole_at_each_side(scene: PaperScene = RIGHT) -> Claim:
     """Check that there is silence between the corner and each wall."""
     seen = _widths(scene, _RIGHT_PARTS)
-    found = f"{seen[1]} silent headings before it, {seen[3]} after it" if seen else "no corner between two walls"
-    return Claim("with one hole on each side", found, seen is not None)
+    shown = f"{seen[1]} silent headings before it, {seen[3]} after it" if seen else "no corner between two walls"
+    return Claim("with one hole on each side", shown, seen is not None)
 
 
 def almost_unchanged_from_nearer(scene: PaperScene = RIGHT, nearer: PaperScene = RIGHT_NEARER) -> Claim:
@@ -388,26 +388,26 @@ def long_ahead_and_behind(walk: tuple[PaperScene, ...] = WALK) -> Claim:
 def errors_are_correlated_between_headings(walk: tuple[PaperScene, ...] = WALK) -> Claim:
     """Check that neighbouring headings have similar errors."""
     off = _all_errors(walk)
-    found, pairs = correlation(off, np.roll(off, -1, axis=1))
+    coefficient, pairs = correlation(off, np.roll(off, -1, axis=1))
     return Claim(
         "errors are correlated from one heading to the next",
-        f"coefficient {found:.2f}, over {pairs} pairs of readings {walk[0].degrees[2]:g}° apart",
-        found > _ALIKE,
+        f"coefficient {coefficient:.2f}, over {pairs} pairs of readings {walk[0].degrees[2]:g}° apart",
+        coefficient > _ALIKE,
     )
 
 
 def errors_are_correlated_between_places(walk: tuple[PaperScene, ...] = WALK) -> Claim:
     """Check that neighbouring places have similar errors, also after the mean error of each heading is removed."""
     off = _all_errors(walk)
-    found, pairs = correlation(off[:-1], off[1:])
+    coefficient, pairs = correlation(off[:-1], off[1:])
     masked = np.ma.masked_invalid(off)
     rest = np.ma.filled(masked - masked.mean(axis=0), np.nan)
     left, _ = correlation(rest[:-1], rest[1:])
     return Claim(
         "errors are correlated from one position to the next",
-        f"coefficient {found:.2f}, over {pairs} pairs of readings {_STEP:g} m apart; {left:.2f} after the mean error "
-        "of each heading is subtracted",
-        min(found, left) > _ALIKE,
+        f"coefficient {coefficient:.2f}, over {pairs} pairs of readings {_STEP:g} m apart; {left:.2f} after the mean "
+        "error of each heading is subtracted",
+        min(coefficient, left) > _ALIKE,
     )
 
 
@@ -648,14 +648,14 @@ def one_echo(scene: PaperScene = TILTED) -> Claim:
 
 def many_echoes(scene: PaperScene = PARALLEL) -> Claim:
     """Check figure 2c: many evenly spaced echoes."""
-    found = np.array([echo.range for echo in scene.scan.ping(0).echoes])
-    apart = np.diff(found)
-    even = len(found) > 1 and float(np.ptp(apart)) < 1e-3
-    spacing = f", {apart.mean():.3f} m apart" if len(apart) else ""
+    echoes = np.array([echo.range for echo in scene.scan.ping(0).echoes])
+    gaps = np.diff(echoes)
+    even = len(echoes) > 1 and float(np.ptp(gaps)) < 1e-3
+    spacing = f", {gaps.mean():.3f} m apart" if len(gaps) else ""
     return Claim(
         "(c) plate parallel: many echoes, back and forth between plate and transducer",
-        f"echoes: {len(found)}{spacing}",
-        even and len(found) >= 5,
+        f"echoes: {len(echoes)}{spacing}",
+        even and len(echoes) >= 5,
     )
 
 
@@ -799,8 +799,8 @@ def circle_of_minimum_range(scene: PaperScene = FIGURE_7_BOARD) -> Claim:
         reading for reading in scene.readings if reading.range is not None and reading.range < blanked + _NEAR_CIRCLE
     ]
     walls = {reading.via[0] for reading in close}
-    found = ranges(close)
-    extent = f", at {min(found):.3f} to {max(found):.3f} m, towards {', '.join(sorted(walls))}" if found else ""
+    nearest = ranges(close)
+    extent = f", at {min(nearest):.3f} to {max(nearest):.3f} m, towards {', '.join(sorted(walls))}" if nearest else ""
     return Claim(
         "a circle of readings of minimum range surrounds the unit",
         f"{len(close)} of {len(scene.readings)} readings within {_NEAR_CIRCLE * 1000:g} mm of the end of blanking"
@@ -816,10 +816,10 @@ def far_wall_is_wavy(scene: PaperScene = FIGURE_8) -> Claim:
 
 def far_wall_is_wavy_again(scene: PaperScene = FIGURE_9) -> Claim:
     """Check for the same wave from a place beside the lower wall."""
-    found, wavy = _wave(scene)
+    shown, wavy = _wave(scene)
     beside = scene.scan.place.position[1]
     why = "" if wavy else f"; the lower wall is only {beside * 1000:.0f} mm aside, so that corner hardly stands back"
-    return Claim("the far wall is wavy again", found + why, wavy)
+    return Claim("the far wall is wavy again", shown + why, wavy)
 
 
 def _wave(scene: PaperScene) -> tuple[str, bool]:
@@ -828,11 +828,11 @@ def _wave(scene: PaperScene) -> tuple[str, bool]:
     if not all(parts):
         return "one of its three parts is not detected", False
     upper, wall, lower = (ranges(part)[0] for part in parts)
-    found = "; ".join(f"{ranges(part)[0]:.3f} m over {span(part)}" for part in parts)
+    shown = "; ".join(f"{ranges(part)[0]:.3f} m over {span(part)}" for part in parts)
     behind = (upper - wall, lower - wall)
     in_order = parts[0][-1].degrees < parts[1][0].degrees and parts[1][-1].degrees < parts[2][0].degrees
     return (
-        f"{found}: the corners are {behind[0] * 1000:.0f} and {behind[1] * 1000:.0f} mm behind the wall",
+        f"{shown}: the corners are {behind[0] * 1000:.0f} and {behind[1] * 1000:.0f} mm behind the wall",
         in_order and min(behind) > _WAVE,
     )
 
@@ -1040,8 +1040,8 @@ def single_readings_are_theirs(
 ) -> Claim:
     """Check that both models agree at headings with one reflection."""
     single = np.array([len(reading.via) == 1 for reading in followed.readings])
-    apart = np.abs(followed.scan.ranges - model(followed))[single]
-    both = apart[~np.isnan(apart)]
+    differences = np.abs(followed.scan.ranges - model(followed))[single]
+    both = differences[~np.isnan(differences)]
     return Claim(
         "readings by a single reflection are those of Kuc and Siegel's model",
         f"{single.sum()} headings with one reflection; an independent model of single reflections has an echo at "
@@ -1075,7 +1075,7 @@ def single_reflection_ranges(
     """
     sensor = np.array(position)
     feet = [_foot(sensor, wall) for wall in room.walls.reshape(-1, 2, 2)]
-    found = np.full(len(headings), np.inf)
+    nearest = np.full(len(headings), np.inf)
     for row, foot in enumerate(feet):
         if foot is None or _is_hidden(sensor, foot, np.delete(room.walls.reshape(-1, 2, 2), row, axis=0)):
             continue
@@ -1085,8 +1085,8 @@ def single_reflection_ranges(
         heard = (levels >= 10 ** (board.threshold_db / 20)) & (
             board.blanked_range(room.air) <= distance <= board.max_range
         )
-        found[heard] = np.minimum(found[heard], distance)
-    return np.where(np.isinf(found), np.nan, found)
+        nearest[heard] = np.minimum(nearest[heard], distance)
+    return np.where(np.isinf(nearest), np.nan, nearest)
 
 
 def _foot(sensor: FloatArray, wall: FloatArray) -> FloatArray | None:

@@ -204,8 +204,8 @@ def points(
             axes.plot(*where[[here, there]].T, "-", color=colour, lw=1.0)
 
 
-def _same_wall(scene: PaperScene, here: int, there: int) -> bool:
-    first, second = scene.readings[here], scene.readings[there]
+def _same_wall(scene: PaperScene, index: int, other: int) -> bool:
+    first, second = scene.readings[index], scene.readings[other]
     return first.via == second.via != () and first.range == second.range
 
 
@@ -230,11 +230,11 @@ def finish_plan(axes: Axes, title: str, bounds: Bounds, legend: Corner) -> None:
     axes.legend(loc=legend, fontsize=8, framealpha=0.9)
 
 
-def note(axes: Axes, text: str, at: tuple[float, float], beside: tuple[float, float]) -> None:
+def note(axes: Axes, text: str, point: tuple[float, float], beside: tuple[float, float]) -> None:
     """Write text beside a point of a picture, with a line to the point; data units."""
     axes.annotate(
         text,
-        at,
+        point,
         beside,
         fontsize=9,
         ha="center",

@@ -56,15 +56,15 @@ def wall_candidates(
         misfits = table.misfits(*table.to_line(normal, distance))
         members[row] = misfits < FARTHEST
         supports[row] = _support(weights, misfits)
-    found: list[DraftWall] = []
+    walls: list[DraftWall] = []
     taken: list[FloatArray] = []
     for row in np.argsort(-supports, kind="stable").tolist():
-        if len(found) == most or supports[row] < 1.0:
+        if len(walls) == most or supports[row] < 1.0:
             break
         if not any(_same_line(lines[row], other) for other in taken):
             taken.append(lines[row])
-            found.append(_wall(lines[row], table.centres[members[row]]))
-    return found
+            walls.append(_wall(lines[row], table.centres[members[row]]))
+    return walls
 
 
 def post_candidates(
@@ -72,7 +72,7 @@ def post_candidates(
 ) -> list[DraftPost]:
     """Return the `most` best supported posts, each of several radii (m)."""
     table, weights = table_of(arcs, POSSIBLE), _weights(arcs, unexplained)
-    found: list[tuple[float, DraftPost]] = []
+    posts: list[tuple[float, DraftPost]] = []
     for radius in radii:
         for point in _points(tuple(arcs), radius):
             distances, bearings = table.to_post(*point, radius)
@@ -81,10 +81,10 @@ def post_candidates(
                 near = np.abs(angle_difference(table.bearings, bearings)) < table.spreads
                 support -= _CONTRADICTION * float(((table.ranges > distances + _THROUGH) & near).sum())
             if support >= 1.0:
-                found.append((support, DraftPost(point, radius)))
-    found.sort(key=lambda one: -one[0])
+                posts.append((support, DraftPost(point, radius)))
+    posts.sort(key=lambda one: -one[0])
     kept: list[DraftPost] = []
-    for _, post in found:
+    for _, post in posts:
         if len(kept) < most and not any(
             post.radius == other.radius and math.dist(post.center, other.center) < _SAME_POINT for other in kept
         ):
@@ -193,13 +193,13 @@ def cornered(draft: RoomDraft, points: Sequence[tuple[float, float]]) -> Iterato
     for point in points:
         for key, wall in draft.walls.items():
             away, (first, last) = np.subtract(point, wall.middle), draft.extent(key)
-            at, beside = float(away @ wall.along), abs(float(away @ wall.normal))
-            inside = first + _AT_END < at < last - _AT_END
-            if beside > _BESIDE or inside or not first - _EXTENDED < at < last + _EXTENDED:
+            along, beside = float(away @ wall.along), abs(float(away @ wall.normal))
+            inside = first + _AT_END < along < last - _AT_END
+            if beside > _BESIDE or inside or not first - _EXTENDED < along < last + _EXTENDED:
                 continue
-            nearer = 0 if abs(at - first) < abs(at - last) else 1
-            yield draft.with_wall(key, wall.with_end(nearer, DraftEnd(at)))
-            x, y = (np.array(wall.middle) + at * wall.along).tolist()
+            nearer = 0 if abs(along - first) < abs(along - last) else 1
+            yield draft.with_wall(key, wall.with_end(nearer, DraftEnd(along)))
+            x, y = (np.array(wall.middle) + along * wall.along).tolist()
             for side in (1, -1):
                 yield from _corner(draft, key, (x, y), side)
 
@@ -241,8 +241,8 @@ def with_end_moved(evidence: Evidence, best: Scored, key: int, which: int) -> Sc
     Echoes of a free end determine it, but they have no part in the refinement before it is almost there.
     """
     for move in _MOVES:
-        wall, at = best.draft.walls[key], best.draft.extent(key)[which]
-        tried = [best.draft.with_wall(key, wall.with_end(which, DraftEnd(at + by))) for by in (move, -move)]
+        wall, end = best.draft.walls[key], best.draft.extent(key)[which]
+        tried = [best.draft.with_wall(key, wall.with_end(which, DraftEnd(end + by))) for by in (move, -move)]
         moved = _better_of(evidence, tried)
         best = moved if moved.score > best.score else best
     return best
@@ -267,7 +267,7 @@ def with_free_ends_moved(evidence: Evidence, best: Scored) -> Scored:
 
 
 def _better_of(evidence: Evidence, drafts: Sequence[RoomDraft]) -> Scored:
-    return max(all_scored(evidence, drafts), key=lambda one: one.score)
+    return max(all_scored(evidence, drafts), key=lambda draft: draft.score)
 
 
 def _meetings(draft: RoomDraft, key: int, which: int, other: int) -> list[RoomDraft]:
@@ -282,15 +282,15 @@ def _neighbours(draft: RoomDraft, key: int, which: int) -> list[int]:
     wall, end, sign = draft.walls[key], draft.extent(key)[which], 1 if which else -1
     crossed, beyond = [], []
     for other, neighbour in draft.walls.items():
-        at = None if other in (key, wall.ends[which].meets) else meeting(wall, neighbour)
-        if at is None:
+        meeting_at = None if other in (key, wall.ends[which].meets) else meeting(wall, neighbour)
+        if meeting_at is None:
             continue
         first, last = draft.extent(other)
         hit = meeting(neighbour, wall)
-        if 0 < at * sign <= end * sign and hit is not None and first - _JUNCTION < hit < last + _JUNCTION:
-            crossed.append((at * sign, other))
-        elif wall.ends[which].meets is None and 0 <= (at - end) * sign <= _EXTENDED:
-            beyond.append((at * sign, other))
+        if 0 < meeting_at * sign <= end * sign and hit is not None and first - _JUNCTION < hit < last + _JUNCTION:
+            crossed.append((meeting_at * sign, other))
+        elif wall.ends[which].meets is None and 0 <= (meeting_at - end) * sign <= _EXTENDED:
+            beyond.append((meeting_at * sign, other))
     return [other for _, other in (*sorted(crossed)[:2], *sorted(beyond)[:2])]
 
 
@@ -313,9 +313,9 @@ def with_gaps(evidence: Evidence, best: Scored, touched: dict[int, FloatArray]) 
 
     `touched` has the touches of each wall, m along it.
     """
-    for key, at in touched.items():
-        best = _without_lone_ends(evidence, best, key, np.sort(at))
-        for before, behind in pairwise(np.sort(at).tolist() if key in best.draft.walls else []):
+    for key, points in touched.items():
+        best = _without_lone_ends(evidence, best, key, np.sort(points))
+        for before, behind in pairwise(np.sort(points).tolist() if key in best.draft.walls else []):
             if behind - before > _WIDEST_CLOSED:
                 opened = _best_gap(evidence, best, key, (before, behind))
                 best = opened if opened.score > best.score + PRICE else best
@@ -333,12 +333,14 @@ def _best_gap(evidence: Evidence, closed: Scored, key: int, between: tuple[float
     return opened
 
 
-def _without_lone_ends(evidence: Evidence, best: Scored, key: int, at: FloatArray) -> Scored:
-    """Return the draft with a free end moved to the next of the sorted touches `at`, if all between is untouched.
+def _without_lone_ends(evidence: Evidence, best: Scored, key: int, touched: FloatArray) -> Scored:
+    """Return the draft with a free end moved to the next of the sorted touches `touched`, if all between is untouched.
 
     The end alone then returns sound. It stays if it is worth as much as a wall.
     """
-    for which, (outer, inner) in ((0, at[:2]), (1, at[-2:][::-1])) if len(at) > 1 and key in best.draft.walls else ():
+    for which, (outer, inner) in (
+        ((0, touched[:2]), (1, touched[-2:][::-1])) if len(touched) > 1 and key in best.draft.walls else ()
+    ):
         at_end = abs(best.draft.extent(key)[which] - outer) < _AT_TOUCH and best.draft.is_free(key, which)
         if at_end and abs(outer - inner) > _WIDEST_CLOSED:
             wall = best.draft.walls[key].with_end(which, DraftEnd(float(inner)))
@@ -387,21 +389,23 @@ def touches_of(evidence: Evidence, draft: RoomDraft) -> Touches:
             outline = paths.outline(row.path)[1:-1]
             for point in outline:
                 for key in draft.walls:
-                    at = _on(draft, key, point)
-                    if at is not None:
-                        walls[key].append(at)
+                    along = _on(draft, key, point)
+                    if along is not None:
+                        walls[key].append(along)
                 for number, post in enumerate(draft.posts):
                     posts[number] += bool(abs(np.hypot(*(point - post.center)) - post.radius) < 1e-6)
-    return Touches({key: np.array(at) for key, at in walls.items()}, tuple(posts), tuple(echoes), tuple(unexplained))
+    return Touches(
+        {key: np.array(along) for key, along in walls.items()}, tuple(posts), tuple(echoes), tuple(unexplained)
+    )
 
 
 def _on(draft: RoomDraft, key: int, point: FloatArray) -> float | None:
     """Return where a point lies on a wall, m along it from its middle; None if it is elsewhere."""
     wall = draft.walls[key]
     away = point - wall.middle
-    at = float(away @ wall.along)
+    along = float(away @ wall.along)
     first, last = draft.extent(key)
-    return at if abs(float(away @ wall.normal)) < 1e-6 and first - 1e-6 <= at <= last + 1e-6 else None
+    return along if abs(float(away @ wall.normal)) < 1e-6 and first - 1e-6 <= along <= last + 1e-6 else None
 
 
 def _is_hidden(draft: RoomDraft, key: int, which: int) -> bool:

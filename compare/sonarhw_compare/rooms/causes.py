@@ -49,7 +49,7 @@ class NewPost:
 
     def applied(self, room: Room) -> Room:
         """Return the room with the post. Raises InputError if it overlaps another post."""
-        x, y = (round(at, _DIGITS) for at in self.center)
+        x, y = (round(coordinate, _DIGITS) for coordinate in self.center)
         if (np.hypot(*(room.posts[:, :2] - (x, y)).T) < room.posts[:, 2] + self.radius).any():
             raise InputError(f"a post at {_point(self.center)} overlaps another one; choose another place")
         return add_post(_with_object(room), (x, y), round(self.radius, _DIGITS), OBJECT)
@@ -138,8 +138,8 @@ def _with_object(room: Room) -> Room:
     )
 
 
-def _point(at: Point) -> str:
-    x, y = (np.round(at, 2) + 0.0).tolist()
+def _point(position: Point) -> str:
+    x, y = (np.round(position, 2) + 0.0).tolist()
     return f"{x:.2f}, {y:.2f} m"
 
 
@@ -274,9 +274,9 @@ def find_causes(
         if change is None:
             break
         changes.append(change)
-    found = search.judged(changes)
+    causes = search.judged(changes)
     tick(1.0)
-    return found
+    return causes
 
 
 class _Search:
@@ -343,29 +343,31 @@ class _Search:
             with_wall(self._evidence, now, self._arcs, unexplained, self._noise),
             self._with_wall_from_edge(now, unexplained),
         )
-        for one in extended:
-            if one.draft is now.draft:
+        for longer in extended:
+            if longer.draft is now.draft:
                 continue
-            found = refined(self._evidence, one.draft, self._noise, _STEPS)
-            if found.draft.posts:
-                found = self._with_post_moved(now, found)
-                (post,) = found.draft.posts
-                yield NewPost(post.center, post.radius), found.score
+            candidate = refined(self._evidence, longer.draft, self._noise, _STEPS)
+            if candidate.draft.posts:
+                candidate = self._with_post_moved(now, candidate)
+                (post,) = candidate.draft.posts
+                yield NewPost(post.center, post.radius), candidate.score
             else:
-                x0, y0, x1, y1 = found.draft.segments[0].tolist()
-                yield NewWall((x0, y0), (x1, y1)), found.score
+                x0, y0, x1, y1 = candidate.draft.segments[0].tolist()
+                yield NewWall((x0, y0), (x1, y1)), candidate.score
 
-    def _with_post_moved(self, now: Scored, found: Scored) -> Scored:
+    def _with_post_moved(self, now: Scored, best_so_far: Scored) -> Scored:
         """Return a draft with its post where the readings are most likely, within some centimetres.
 
         Echoes that overlap give the likelihood many maxima, and a refinement ends in the nearest one. The board detects
         a weak echo late, so the post is often nearer than its arc. `now` is the draft without the post.
         """
-        (post,) = found.draft.posts
-        drafts = [replace(found.draft, posts=(other,)) for other in _posts_near(post, self._place)]
-        best = max(all_scored(self._evidence, drafts, self._noise), key=lambda one: one.score)
+        (post,) = best_so_far.draft.posts
+        drafts = [replace(best_so_far.draft, posts=(other,)) for other in _posts_near(post, self._place)]
+        best = max(all_scored(self._evidence, drafts, self._noise), key=lambda draft: draft.score)
         moved = refined(self._evidence, best.draft, self._noise, _STEPS)
-        return max(found, moved, key=lambda one: _limited(self._evidence.gains(now.draft, one.draft, self._noise)[0]))
+        return max(
+            best_so_far, moved, key=lambda draft: _limited(self._evidence.gains(now.draft, draft.draft, self._noise)[0])
+        )
 
     def _with_wall_from_edge(self, now: Scored, unexplained: list[FloatArray]) -> Scored:
         """Return the draft with the wall that explains most, of those with one end where an arc shows an edge.
@@ -377,7 +379,7 @@ class _Search:
             for post in post_candidates(self._arcs, unexplained, _EDGES, (0.0,))
             for turn, length in product(_DIRECTIONS, _LENGTHS)
         ]
-        return max(all_scored(self._evidence, drafts, self._noise), key=lambda one: one.score, default=now)
+        return max(all_scored(self._evidence, drafts, self._noise), key=lambda draft: draft.score, default=now)
 
     def _moved_walls(self, room: Room) -> Iterator[tuple[Change, float]]:
         """Yield the best shift of each wall that a predicted echo touches."""
@@ -385,9 +387,9 @@ class _Search:
         for wall in range(len(room.walls)):
             if touched[room.names[wall]] < _FEWEST or room.materials[wall] == OBJECT:
                 continue
-            found = self._best_shift(room, wall)
-            if abs(found.x) >= _LEAST_SHIFT:
-                yield _moved_wall(room, wall, float(found.x), self._place), -float(found.fun)
+            shift = self._best_shift(room, wall)
+            if abs(shift.x) >= _LEAST_SHIFT:
+                yield _moved_wall(room, wall, float(shift.x), self._place), -float(shift.fun)
 
     def _best_shift(self, room: Room, wall: int) -> OptimizeResult:
         """Return the best shift of a wall to its left (m) as `x`, and its negative log-likelihood as `fun`."""
@@ -413,7 +415,7 @@ class _Search:
                 for value in _REFLECTANCES
                 if abs(value - before) >= _LEAST_CHANGE
             ]
-            scores = [self._scored(one.in_arrays(room)).score for one in tried]
+            scores = [self._scored(change.in_arrays(room)).score for change in tried]
             best = int(np.argmax(scores))
             yield tried[best], scores[best]
 

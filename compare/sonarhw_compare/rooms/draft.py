@@ -92,19 +92,19 @@ class RoomDraft:
     def without_wall(self, key: int) -> "RoomDraft":
         """Return the draft without a wall; ends that met it meet another wall there, or stay where they are."""
         walls = {other: wall for other, wall in self.walls.items() if other != key}
-        return self._without(key, lambda wall, at: self._end_elsewhere(wall, at, walls))
+        return self._without(key, lambda wall, along: self._end_elsewhere(wall, along, walls))
 
     def without_only(self, key: int) -> "RoomDraft":
         """Return the draft without a wall; all others stay where they are, with free ends where they met it."""
-        return self._without(key, lambda _, at: DraftEnd(at))
+        return self._without(key, lambda _, along: DraftEnd(along))
 
     def _without(self, key: int, end_at: Callable[[DraftWall, float], DraftEnd]) -> "RoomDraft":
         """Return the draft without a wall; `end_at` returns the new end of a wall that met it, m along that wall."""
         kept = {}
         for other, wall in self.walls.items():
             ends = [
-                end_at(wall, at) if end.meets == key else end
-                for end, at in zip(wall.ends, self.extent(other), strict=True)
+                end_at(wall, along) if end.meets == key else end
+                for end, along in zip(wall.ends, self.extent(other), strict=True)
             ]
             kept[other] = replace(wall, ends=(ends[0], ends[1]))
         return replace(self, walls={other: wall for other, wall in kept.items() if other != key})
@@ -114,18 +114,20 @@ class RoomDraft:
         return replace(self, posts=tuple(other for other in self.posts if other is not post))
 
     @staticmethod
-    def _end_elsewhere(wall: DraftWall, at: float, walls: dict[int, DraftWall]) -> DraftEnd:
-        """Return an end at the line of the wall that crosses nearest to `at`, or a free end there."""
+    def _end_elsewhere(wall: DraftWall, along: float, walls: dict[int, DraftWall]) -> DraftEnd:
+        """Return an end at the line of the wall that crosses nearest to `along`, or a free end there."""
         crossings = [(key, meeting(wall, other)) for key, other in walls.items() if other is not wall]
-        near = [(abs(hit - at), key) for key, hit in crossings if hit is not None and abs(hit - at) < _SAME_CORNER]
-        return DraftEnd(at, min(near)[1] if near else None)
+        near = [
+            (abs(hit - along), key) for key, hit in crossings if hit is not None and abs(hit - along) < _SAME_CORNER
+        ]
+        return DraftEnd(along, min(near)[1] if near else None)
 
     def with_meeting_moved(self, key: int, other: int, behind: float) -> "RoomDraft":
         """Return the draft in which walls that meet wall `key` beyond `behind`, m along it, meet `other` instead."""
         walls = {}
         for name, wall in self.walls.items():
-            at = meeting(self.walls[key], wall) if name not in (key, other) else None
-            if at is not None and at >= behind:
+            along = meeting(self.walls[key], wall) if name not in (key, other) else None
+            if along is not None and along >= behind:
                 ends = [replace(end, meets=other) if end.meets == key else end for end in wall.ends]
                 wall = replace(wall, ends=(ends[0], ends[1]))
             walls[name] = wall
@@ -134,12 +136,12 @@ class RoomDraft:
     def extent(self, key: int) -> tuple[float, float]:
         """Return both ends of a wall, m along it from its middle."""
         wall = self.walls[key]
-        found = []
+        ends = []
         for end in wall.ends:
             other = None if end.meets is None else self.walls.get(end.meets)
-            at = None if other is None else meeting(wall, other)
-            found.append(end.at if at is None else at)
-        return found[0], found[1]
+            along = None if other is None else meeting(wall, other)
+            ends.append(end.at if along is None else along)
+        return ends[0], ends[1]
 
     def alone(self, key: int) -> DraftWall:
         """Return a wall with free ends, where it ends now."""
@@ -150,17 +152,17 @@ class RoomDraft:
         """Return whether an end of a wall is free: it meets no wall, or one that does not reach as far."""
         wall = self.walls[key]
         other = None if (meets := wall.ends[which].meets) is None else self.walls.get(meets)
-        at = None if other is None else meeting(other, wall)
-        if at is None or meets is None:
+        along = None if other is None else meeting(other, wall)
+        if along is None or meets is None:
             return True
         first, last = self.extent(meets)
-        return not first - _TOUCHING <= at <= last + _TOUCHING
+        return not first - _TOUCHING <= along <= last + _TOUCHING
 
     def segment(self, key: int) -> FloatArray:
         """Return start and end of a wall, (4,) m."""
         wall = self.walls[key]
         first, last = self.extent(key)
-        return np.concatenate([np.array(wall.middle) + at * wall.along for at in (first, last)])
+        return np.concatenate([np.array(wall.middle) + along * wall.along for along in (first, last)])
 
     @property
     def segments(self) -> FloatArray:
@@ -275,8 +277,8 @@ def meeting(wall: DraftWall, other: DraftWall) -> float | None:
     slope = float(wall.along @ other.normal)
     if abs(slope) < _PARALLEL:
         return None
-    at = float((np.array(other.middle) - wall.middle) @ other.normal) / slope
-    return at if abs(at) <= _LONGEST else None
+    along = float((np.array(other.middle) - wall.middle) @ other.normal) / slope
+    return along if abs(along) <= _LONGEST else None
 
 
 # A prior of wall directions: most walls of a room are parallel or at right angles to one of them.

@@ -132,13 +132,14 @@ class Evidence:
         self, drafts: Sequence[RoomDraft], noise: ReadingNoise, scans: Sequence[int] | None = None
     ) -> list[float]:
         """Return `log_likelihood` of several drafts, of all scans or these. Many drafts at once use all processes."""
-        found = [
-            one
+        by_scan = [
+            of_draft
             for begin in range(0, len(drafts), _AT_ONCE)
-            for one in self._by_reading(drafts[begin : begin + _AT_ONCE], noise, scans)
+            for of_draft in self._by_reading(drafts[begin : begin + _AT_ONCE], noise, scans)
         ]
         return [
-            float(np.concatenate(one).sum()) + self.log_prior(draft) for draft, one in zip(drafts, found, strict=True)
+            float(np.concatenate(of_draft).sum()) + self.log_prior(draft)
+            for draft, of_draft in zip(drafts, by_scan, strict=True)
         ]
 
     def by_reading(self, draft: RoomDraft, noise: ReadingNoise) -> list[FloatArray]:
@@ -230,16 +231,16 @@ class Evidence:
         """Standard deviation of the threshold, dB: the one that the profile states, likewise."""
         return self.board.threshold_sd_db
 
-    def refuses(self, one: DraftWall | DraftPost) -> bool:
+    def refuses(self, surface: DraftWall | DraftPost) -> bool:
         """Return whether a wall or post is almost one that was refused."""
-        return any(_alike(one, other) for other in self.course.refused)
+        return any(_alike(surface, other) for other in self.course.refused)
 
     def pose_errors(self, draft: RoomDraft, scan: int) -> tuple[tuple[float, float], ...]:
         """Return how far x, y (m) and heading (rad) of a place are from the expected ones, each with its deviation."""
         spread, now = self.spreads[scan], draft.places[scan]
         then = spread.around or self.first.places[scan]
         turned = math.remainder(now.heading - then.heading, math.tau)
-        x, y = (at - first for at, first in zip(now.position, then.position, strict=True))
+        x, y = (coordinate - first for coordinate, first in zip(now.position, then.position, strict=True))
         return (x, spread.xy), (y, spread.xy), (turned, spread.heading)
 
 
@@ -329,12 +330,12 @@ def _of_scans(
     evidence: Evidence, items: Sequence[tuple[RoomDraft, Room, int]], noise: ReadingNoise
 ) -> list[FloatArray]:
     """Return the log-likelihood of each reading of scans, (n,) each; items are a draft, its room, and a scan."""
-    found = []
+    logarithms = []
     for draft, room, scan in items:
         problem = evidence.of_draft(draft, room, scan)
         values = problem.with_noise(np.empty(0), noise)
-        found.append(np.round(problem.near(values).by_reading(values, 0), _DIGITS))
-    return found
+        logarithms.append(np.round(problem.near(values).by_reading(values, 0), _DIGITS))
+    return logarithms
 
 
 def _alike(one: DraftWall | DraftPost, other: DraftWall | DraftPost) -> bool:

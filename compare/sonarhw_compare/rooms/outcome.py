@@ -32,62 +32,62 @@ if TYPE_CHECKING:
 _DIGITS = 5  # of metres
 
 
-def found_room_text(found: FoundRoom, board: Board) -> str:
+def found_room_text(result: FoundRoom, board: Board) -> str:
     """Return the text of a room file with the found walls, posts and places."""
     file = tomlkit.document()
-    for line in _header(found, board):
+    for line in _header(result, board):
         file.add(tomlkit.comment(line))
     file["name"] = "Found room"
     material = tomlkit.table()
     material["reflectance"] = REFLECTANCE
     material["reflectance"].comment("assumed; `sonarhw fit --free reflectance` finds it")
     file["materials"] = tomlkit.table(is_super_table=True).append(MATERIAL, material)
-    file["walls"] = _array([_wall(found, number, key) for number, key in enumerate(found.draft.walls)])
-    if found.draft.posts:
-        file["posts"] = _array([_post(found, row) for row in range(len(found.draft.posts))])
+    file["walls"] = _array([_wall(result, number, key) for number, key in enumerate(result.draft.walls)])
+    if result.draft.posts:
+        file["posts"] = _array([_post(result, row) for row in range(len(result.draft.posts))])
     places = tomlkit.table(is_super_table=True)
-    for number, name in enumerate(_place_names(found)):
-        places[name] = _place(found, number)
+    for number, name in enumerate(_place_names(result)):
+        places[name] = _place(result, number)
     file["places"] = places
     return tomlkit.dumps(file)
 
 
-def found_room(found: FoundRoom, board: Board) -> Room:
+def found_room(result: FoundRoom, board: Board) -> Room:
     """Return the room of `found_room_text`."""
-    return parse_room(found_room_text(found, board), "the found room")
+    return parse_room(found_room_text(result, board), "the found room")
 
 
-def found_room_figures(found: FoundRoom) -> dict[str, Any]:
+def found_room_figures(result: FoundRoom) -> dict[str, Any]:
     """Return walls, posts and open ends for JSON, in metres and degrees."""
     return {
-        "echoes": found.echoes,
-        "explained": found.explained,
-        "offset_m": round(found.draft.offset, _DIGITS),
-        "offset_sd_m": found.offset_deviation,
-        "threshold_higher_db": found.draft.threshold_db,
-        "threshold_sd_db": found.threshold_deviation,
-        "right_angled": at_right_angles(found.draft),
+        "echoes": result.echoes,
+        "explained": result.explained,
+        "offset_m": round(result.draft.offset, _DIGITS),
+        "offset_sd_m": result.offset_deviation,
+        "threshold_higher_db": result.draft.threshold_db,
+        "threshold_sd_db": result.threshold_deviation,
+        "right_angled": at_right_angles(result.draft),
         "walls": [
             {
                 "points_m": [[x, y], [x2, y2]],
-                "across_sd_m": found.deviations[Move("wall", key, 0)],
-                "angle_sd_deg": math.degrees(found.deviations[Move("wall", key, 1)]),
-                "touches": len(found.touches.walls[key]),
+                "across_sd_m": result.deviations[Move("wall", key, 0)],
+                "angle_sd_deg": math.degrees(result.deviations[Move("wall", key, 1)]),
+                "touches": len(result.touches.walls[key]),
             }
-            for key in found.draft.walls
-            for x, y, x2, y2 in [_rounded(found.draft.segment(key))]
+            for key in result.draft.walls
+            for x, y, x2, y2 in [_rounded(result.draft.segment(key))]
         ],
         "posts": [
             {
                 "center_m": _rounded(post.center),
                 "radius_m": round(post.radius, _DIGITS),
-                "center_sd_m": [found.deviations[Move("post", row, part)] for part in (0, 1)],
-                "radius_sd_m": found.deviations[Move("post", row, 2)],
-                "touches": found.touches.posts[row],
+                "center_sd_m": [result.deviations[Move("post", row, part)] for part in (0, 1)],
+                "radius_sd_m": result.deviations[Move("post", row, 2)],
+                "touches": result.touches.posts[row],
             }
-            for row, post in enumerate(found.draft.posts)
+            for row, post in enumerate(result.draft.posts)
         ],
-        "open_ends_m": [_rounded(end) for end in open_ends(found)],
+        "open_ends_m": [_rounded(end) for end in open_ends(result)],
     }
 
 
@@ -97,56 +97,56 @@ def pose_text(pose: Pose) -> str:
     return f"{pose.probability:.1%} at {x:.3f}, {y:.3f} m, turntable step 0 at {in_degrees(pose.heading, 1):.1f}°"
 
 
-def assumptions(found: FoundRoom, board: Board) -> list[str]:
+def assumptions(result: FoundRoom, board: Board) -> list[str]:
     """Return a line for each value that was expected to be near a known one, and what was found."""
-    of, walls = at_right_angles(found.draft), len(found.draft.walls)
+    of, walls = at_right_angles(result.draft), len(result.draft.walls)
     lines = [
         f"assumed that {SHARE:.0%} of the walls are parallel or at right angles within {math.degrees(SPREAD):.0f}°; "
         f"{of} of {walls} are"
     ]
-    if found.offset_deviation is not None:
+    if result.offset_deviation is not None:
         lines.append(
-            f"range offset of the sensor: {found.draft.offset * 1000:.0f} ± {found.offset_deviation * 1000:.0f} mm "
+            f"range offset of the sensor: {result.draft.offset * 1000:.0f} ± {result.offset_deviation * 1000:.0f} mm "
             f"beside that of board {board.name!r}; 0 ± {board.range_sd * 1000:.0f} mm was expected (its range_sd)"
         )
-    if found.threshold_deviation is not None:
+    if result.threshold_deviation is not None:
         lines.append(
-            f"threshold of the sensor: {found.draft.threshold_db:+.1f} ± {found.threshold_deviation:.1f} dB beside "
+            f"threshold of the sensor: {result.draft.threshold_db:+.1f} ± {result.threshold_deviation:.1f} dB beside "
             f"that of board {board.name!r}; 0 ± {board.threshold_sd_db:.1f} dB was expected (its threshold_sd_db)"
         )
     return lines
 
 
-def open_ends(found: FoundRoom) -> list[tuple[float, float]]:
+def open_ends(result: FoundRoom) -> list[tuple[float, float]]:
     """Return the ends of walls (m) beyond which the scans show nothing."""
     ends = []
-    for key in found.draft.walls:
-        x, y, x2, y2 = found.draft.segment(key).tolist()
-        ends += [at for which, at in enumerate(((x, y), (x2, y2))) if found.draft.is_free(key, which)]
+    for key in result.draft.walls:
+        x, y, x2, y2 = result.draft.segment(key).tolist()
+        ends += [end for which, end in enumerate(((x, y), (x2, y2))) if result.draft.is_free(key, which)]
     return ends
 
 
-def _header(found: FoundRoom, board: Board) -> list[str]:
+def _header(result: FoundRoom, board: Board) -> list[str]:
     lines = [
-        f"Found by `sonarhw map` in {counted(len(found.scans), 'scan')} with board {board.name!r}: "
-        + ", ".join(harmless(scan.title) for scan in found.scans),
-        f"{found.explained} of {found.echoes} echoes are within 5 cm of one that this room predicts.",
+        f"Found by `sonarhw map` in {counted(len(result.scans), 'scan')} with board {board.name!r}: "
+        + ", ".join(harmless(scan.title) for scan in result.scans),
+        f"{result.explained} of {result.echoes} echoes are within 5 cm of one that this room predicts.",
         "± is one standard deviation. Surfaces that returned no echo to any scan are missing.",
     ]
-    lines += [f"{line[0].upper()}{line[1:]}." for line in assumptions(found, board)]
-    ends = ", ".join(f"({x:.2f}, {y:.2f})" for x, y in open_ends(found))
+    lines += [f"{line[0].upper()}{line[1:]}." for line in assumptions(result, board)]
+    ends = ", ".join(f"({x:.2f}, {y:.2f})" for x, y in open_ends(result))
     if ends:
         lines.append(f"The walls may continue beyond these points (m): {ends}")
-    for title, poses in found.poses.items():
+    for title, poses in result.poses.items():
         lines.append(f"Possible poses of {harmless(title)}: {'; '.join(map(pose_text, poses))}")
-    lines += [f"Left out, because its pose was not found: {harmless(title)}" for title in found.left_out]
+    lines += [f"Left out, because its pose was not found: {harmless(title)}" for title in result.left_out]
     return lines
 
 
-def _place_names(found: FoundRoom) -> list[str]:
+def _place_names(result: FoundRoom) -> list[str]:
     """Return a name for the place of each scan, with a number behind a name that another one has already."""
     names: list[str] = []
-    for scan, place in zip(found.scans, found.draft.places, strict=True):
+    for scan, place in zip(result.scans, result.draft.places, strict=True):
         name, number = scan.name or place.name, 2
         while name in names:
             name, number = f"{scan.name or place.name}-{number}", number + 1
@@ -154,11 +154,11 @@ def _place_names(found: FoundRoom) -> list[str]:
     return names
 
 
-def _place(found: FoundRoom, number: int) -> Table:
-    table, place = tomlkit.table(), found.draft.places[number]
+def _place(result: FoundRoom, number: int) -> Table:
+    table, place = tomlkit.table(), result.draft.places[number]
     table["position"] = _point(place.position)
     table["heading_deg"] = round(math.degrees(place.heading), 4) + 0.0
-    deviations = {move.part: by for move, by in found.deviations.items() if move.is_of("place", number)}
+    deviations = {move.part: by for move, by in result.deviations.items() if move.is_of("place", number)}
     if 0 in deviations:  # else it is exact
         x, y = (deviations[part] * 1000 for part in (0, 1))
         table["position"].comment(f"± {x:.1f} mm in x, ± {y:.1f} mm in y")
@@ -167,28 +167,28 @@ def _place(found: FoundRoom, number: int) -> Table:
     return table
 
 
-def _wall(found: FoundRoom, number: int, key: int) -> Table:
-    across, turned = (found.deviations[Move("wall", key, part)] for part in (0, 1))
+def _wall(result: FoundRoom, number: int, key: int) -> Table:
+    across, turned = (result.deviations[Move("wall", key, part)] for part in (0, 1))
     table = tomlkit.table()
     table["name"] = wall_name(number)
     table["edges"] = [wall_name(number)]  # not "wall 1[0]" in `via`
-    x, y, x2, y2 = found.draft.segment(key).tolist()
+    x, y, x2, y2 = result.draft.segment(key).tolist()
     points = tomlkit.array()
     points.extend([_point((x, y)), _point((x2, y2))])
     table["points"] = points
-    touched = len(found.touches.walls[key])
+    touched = len(result.touches.walls[key])
     table["points"].comment(f"± {across * 1000:.1f} mm across, ± {math.degrees(turned):.2f}°; {touched} touches")
     table["material"] = MATERIAL
     return table
 
 
-def _post(found: FoundRoom, row: int) -> Table:
-    post = found.draft.posts[row]
-    x, y, radius = (found.deviations[Move("post", row, part)] * 1000 for part in range(3))
+def _post(result: FoundRoom, row: int) -> Table:
+    post = result.draft.posts[row]
+    x, y, radius = (result.deviations[Move("post", row, part)] * 1000 for part in range(3))
     table = tomlkit.table()
     table["name"] = post_name(row)
     table["center"] = _point(post.center)
-    table["center"].comment(f"± {x:.1f} mm, ± {y:.1f} mm; {found.touches.posts[row]} touches")
+    table["center"].comment(f"± {x:.1f} mm, ± {y:.1f} mm; {result.touches.posts[row]} touches")
     table["radius"] = round(post.radius, _DIGITS)
     table["radius"].comment(f"± {radius:.1f} mm")
     table["material"] = MATERIAL
@@ -202,7 +202,7 @@ def _point(point: Sequence[float]) -> tomlkit.items.Array:
 
 
 def _rounded(values: Sequence[float] | FloatArray) -> list[float]:
-    return [round(float(at), _DIGITS) + 0.0 for at in values]
+    return [round(float(value), _DIGITS) + 0.0 for value in values]
 
 
 def _array(tables: Sequence[Table]) -> AoT:
@@ -234,7 +234,7 @@ class NextPlace:
 
 
 def next_places(
-    found: FoundRoom,
+    result: FoundRoom,
     room: Room,
     board: Board,
     count: int = 3,
@@ -246,19 +246,19 @@ def next_places(
     `room` is the found room with its places. `tick` receives the completed share, 0..1, and `best` the best places so
     far whenever they change; places all over the room come first.
     """
-    moves = [move for move in found.deviations if move.what in ("wall", "post") and found.deviations[move] > 0]
-    draft_room, by_move = found.draft.room(room.air), shifts_of(found.draft, moves)
-    spreads = np.minimum([found.deviations[move] for move in moves], _LARGEST)
+    moves = [move for move in result.deviations if move.what in ("wall", "post") and result.deviations[move] > 0]
+    draft_room, by_move = result.draft.room(room.air), shifts_of(result.draft, moves)
+    spreads = np.minimum([result.deviations[move] for move in moves], _LARGEST)
     tried: list[NextPlace] = []
-    known: tuple[NextPlace, ...] = ()
+    best_places: tuple[NextPlace, ...] = ()
     places = _spread_first(_candidates(room))
     for row, place in enumerate(places):
         tick(row / len(places))
         tried.append(_weighed(place, _slopes(place, draft_room, by_move, board) * spreads[:, None]))
-        known, before = _apart(sorted(tried, key=lambda one: -one.gain), count), known
-        if known != before:
-            best(known)
-    return known
+        best_places, before = _apart(sorted(tried, key=lambda place_tried: -place_tried.gain), count), best_places
+        if best_places != before:
+            best(best_places)
+    return best_places
 
 
 def _candidates(room: Room) -> FloatArray:
@@ -331,13 +331,13 @@ class RoomOfScans:
 
     def lines(self) -> list[str]:
         """Return what was found as lines of text."""
-        found = self.found
+        result = self.found
         return [
-            *(f"{title}: {'; '.join(map(pose_text, poses))}" for title, poses in found.poses.items()),
-            f"found room: {counted(len(found.draft.walls), 'wall')}, {counted(len(found.draft.posts), 'post')}, "
-            f"{counted(len(open_ends(found)), 'open end')}; "
-            f"{found.explained} of {found.echoes} echoes are within 5 cm of one that it predicts",
-            *assumptions(found, self.given_board),
+            *(f"{title}: {'; '.join(map(pose_text, poses))}" for title, poses in result.poses.items()),
+            f"found room: {counted(len(result.draft.walls), 'wall')}, {counted(len(result.draft.posts), 'post')}, "
+            f"{counted(len(open_ends(result)), 'open end')}; "
+            f"{result.explained} of {result.echoes} echoes are within 5 cm of one that it predicts",
+            *assumptions(result, self.given_board),
             *map(_next_line, self.next_places or ()),
         ]
 
@@ -397,5 +397,5 @@ class MappedScans:
 
         if self.found is None:
             return draw_map(self.baseline, self.room)
-        found, room, board = self.found.found, self.found.room, self.found.board
-        return draw_found_room(found.scans, room, board, open_ends(found), self.known)
+        result, room, board = self.found.found, self.found.room, self.found.board
+        return draw_found_room(result.scans, room, board, open_ends(result), self.known)

@@ -62,7 +62,7 @@ def with_threshold(evidence: Evidence, best: Scored) -> Scored:
     for step in _THRESHOLD_STEPS if evidence.threshold_spread > 0 else ():
         now = best.draft.threshold_db
         tried = [replace(best.draft, threshold_db=now + by) for by in (step, -step)]
-        best = max([best, *all_scored(evidence, tried)], key=lambda one: one.score)
+        best = max([best, *all_scored(evidence, tried)], key=lambda draft: draft.score)
     return best
 
 
@@ -233,10 +233,10 @@ class Shifts:
 
     def of_point(self, point: FloatArray) -> FloatArray | None:
         """Return the derivative of a point of a wall or post, (m, 2); None if it lies on none of them."""
-        wall, at = self.wall_at(point)
+        wall, share = self.wall_at(point)
         if wall is not None:
             moved = self.of_segments[:, wall]
-            return np.asarray((1 - at) * moved[:, :2] + at * moved[:, 2:])
+            return np.asarray((1 - share) * moved[:, :2] + share * moved[:, 2:])
         for row, (x, y, radius) in enumerate(self.posts.tolist()):
             away = point - (x, y)
             if abs(math.hypot(*away) - radius) < _ON:
@@ -249,11 +249,11 @@ class Shifts:
             return None, 0.0
         along, away = self.segments[:, 2:] - self.segments[:, :2], point - self.segments[:, :2]
         squares = (along**2).sum(axis=1)
-        at = (away * along).sum(axis=1) / squares
+        share = (away * along).sum(axis=1) / squares
         beside = np.abs(away[:, 0] * along[:, 1] - away[:, 1] * along[:, 0]) / np.sqrt(squares)
-        beyond = np.maximum(np.abs(at - 0.5) - 0.5, 0.0) * np.sqrt(squares)
+        beyond = np.maximum(np.abs(share - 0.5) - 0.5, 0.0) * np.sqrt(squares)
         wall = int(np.argmin(beside + beyond))
-        return (wall, float(at[wall])) if beside[wall] + beyond[wall] < _ON else (None, 0.0)
+        return (wall, float(share[wall])) if beside[wall] + beyond[wall] < _ON else (None, 0.0)
 
     def of_length(self, outline: FloatArray, ends: tuple[FloatArray, FloatArray] | None = None) -> FloatArray:
         """Return the derivative of the length of a path with these points, (k, 2) m, by each move, (m,).
@@ -262,8 +262,8 @@ class Shifts:
         """
         legs = np.diff(outline, axis=0)
         # two reflections in a corner are one point, which moves with the corner
-        apart = np.append(True, np.hypot(*legs.T) > _ON)
-        outline, legs = outline[apart], legs[apart[1:]]
+        separate = np.append(True, np.hypot(*legs.T) > _ON)
+        outline, legs = outline[separate], legs[separate[1:]]
         units = legs / np.hypot(*legs.T)[:, None]
         slope = np.zeros(len(self.turns)) if ends is None else ends[1] @ units[-1] - ends[0] @ units[0]
         for point, before, behind in zip(outline[1:-1], units[:-1], units[1:], strict=True):
@@ -280,7 +280,7 @@ def range_errors(
     with_headings = with_headings and evidence.has_free_headings
     shifts = shifts_of(draft, moves)
     parts = evidence.in_processes(_of_scans, range(len(evidence.problems)), draft, moves, shifts, with_headings)
-    ranges, bearings, headings = ([one for part in parts for one in part[kind]] for kind in range(3))
+    ranges, bearings, headings = ([row for part in parts for row in part[kind]] for kind in range(3))
     rows = [*ranges, *bearings, *headings]
     errors = np.array([error for error, _ in rows])
     slopes = np.array([slope for _, slope in rows]).reshape(len(rows), len(moves))
@@ -299,12 +299,12 @@ def _of_scans(
     with_headings: bool,
 ) -> list[tuple[list[Row], list[Row], list[Row]]]:
     """Return the errors of ranges, of bearings and of the heading of each scan."""
-    room, found = draft.room(evidence.air), []
+    room, errors = draft.room(evidence.air), []
     for scan in scans:
         ranges, bearings, turns = _of_scan(evidence, draft, scan, room, moves, shifts)
         headings = [_of_heading(heading_error(evidence, draft, room, scan), turns)] if with_headings and turns else []
-        found.append((ranges, bearings, headings))
-    return found
+        errors.append((ranges, bearings, headings))
+    return errors
 
 
 def _of_scan(
@@ -484,13 +484,13 @@ def _normal_equations(
     evidence: Evidence, draft: RoomDraft, moves: Sequence[Move], with_headings: bool
 ) -> tuple[FloatArray, FloatArray]:
     """Return the information matrix (m, m) of the values, and the slope of the log-posterior, (m,)."""
-    found = range_errors(evidence, draft, moves, with_headings)
-    ranges = found.errors[: found.of_range]
+    residuals = range_errors(evidence, draft, moves, with_headings)
+    ranges = residuals.errors[: residuals.of_range]
     # larger than assumed if the errors are
     scale = max(1.0, 1.4826 * float(np.median(np.abs(ranges)))) if len(ranges) else 1.0
-    errors, slopes = found.errors / scale, found.slopes / scale
+    errors, slopes = residuals.errors / scale, residuals.slopes / scale
     weights = 1 / (1 + (errors / _TUNING) ** 2)
-    weights[len(errors) - found.of_heading :] = 1.0  # a wrong first heading is no false echo
+    weights[len(errors) - residuals.of_heading :] = 1.0  # a wrong first heading is no false echo
     weighted = weights[:, None] * slopes
     information = weighted.T @ slopes + np.diag([_known(move) for move in moves])
     ascent = weighted.T @ errors
@@ -554,7 +554,7 @@ def grown(evidence: Evidence, best: Scored) -> Scored:
         # a post looks like short walls; a corner looks like a post until its walls are known
         if longer.score - best.score < PRICE or _newest_length(longer.draft) < _SHORT:
             tried = longer, with_post(evidence, best, arcs, unexplained)
-            longer = max(tried, key=lambda one: one.score)
+            longer = max(tried, key=lambda draft: draft.score)
         if longer.score - best.score < PRICE:
             return best
         longer = refined(evidence, candidates.with_better_ends(evidence, longer).draft, ROUGH, _STEPS)
@@ -576,9 +576,9 @@ def _newest_length(draft: RoomDraft) -> float:
     return float(np.hypot(*np.diff(draft.segments[-1].reshape(2, 2), axis=0)[0])) if draft.walls else 0.0
 
 
-def worth(one: Scored) -> float:
+def worth(draft: Scored) -> float:
     """Return the log-likelihood less the price of all walls and posts."""
-    return one.score - PRICE * (len(one.draft.walls) + len(one.draft.posts))
+    return draft.score - PRICE * (len(draft.draft.walls) + len(draft.draft.posts))
 
 
 def pruned(evidence: Evidence, best: Scored, price: float = PRICE) -> Scored:
@@ -600,7 +600,7 @@ def _without_worthless(
     while parts:
         # all at once, because processes divide many drafts better; most rooms keep all
         tried = scored_if_near(evidence, [without(best.draft, part) for part in parts], best)
-        row = next((row for row, one in enumerate(tried) if best.score - one.score < price), None)
+        row = next((row for row, draft in enumerate(tried) if best.score - draft.score < price), None)
         if row is None:
             return best
         best, parts = tried[row], parts[row + 1 :]
@@ -616,7 +616,7 @@ def unexplained_readings(
     """
     now = evidence.by_reading(draft, noise)
     nothing = evidence.by_reading(RoomDraft(draft.places), noise) if nothing is None else nothing
-    return [expit(_UNEXPLAINED + none - one) for none, one in zip(nothing, now, strict=True)]
+    return [expit(_UNEXPLAINED + none - with_draft) for none, with_draft in zip(nothing, now, strict=True)]
 
 
 def with_wall(
@@ -638,8 +638,8 @@ def with_wall(
         for draft in (*candidates.cornered(best.draft, points), *candidates.continued(best.draft))
         if not evidence.refuses(draft.walls[max(draft.walls)])
     ]
-    found = [*(one for one, _ in tried[:1]), *leading(evidence, completed, _least_explained(unexplained), noise)]
-    return max(found, key=lambda one: one.score, default=best)
+    drafts = [*(one for one, _ in tried[:1]), *leading(evidence, completed, _least_explained(unexplained), noise)]
+    return max(drafts, key=lambda one: one.score, default=best)
 
 
 def with_post(
@@ -652,8 +652,8 @@ def with_post(
     """Return the draft with the post that explains most; the draft itself without a candidate."""
     posts = [post for post in candidates.post_candidates(arcs, unexplained, _POSTS) if not evidence.refuses(post)]
     drafts = (replace(best.draft, posts=(*best.draft.posts, post)) for post in posts)
-    found = leading(evidence, drafts, _least_explained(unexplained), noise)
-    return max(found, key=lambda one: one.score, default=best)
+    leaders = leading(evidence, drafts, _least_explained(unexplained), noise)
+    return max(leaders, key=lambda draft: draft.score, default=best)
 
 
 def _least_explained(unexplained: list[FloatArray]) -> list[int]:
@@ -675,8 +675,8 @@ def squared(evidence: Evidence, best: Scored) -> Scored:
     A wall that one place faces is turned about this place, which keeps its distance. All places are tried.
     """
     for key in list(best.draft.walls):
-        found = turned_square(evidence, best.draft, key)
-        best = found if found is not None and found.score > best.score else best
+        turned = turned_square(evidence, best.draft, key)
+        best = turned if turned is not None and turned.score > best.score else best
     return best
 
 
@@ -705,8 +705,8 @@ def squared_together(evidence: Evidence, best: Scored) -> Scored:
             draft = draft.with_wall(key, wall.moved(0.0, -away))
     if not draft.is_sound:
         return best
-    found = refined(evidence, draft, ROUGH, _SQUARING_STEPS)
-    return found if found.score > best.score else best
+    squared_draft = refined(evidence, draft, ROUGH, _SQUARING_STEPS)
+    return squared_draft if squared_draft.score > best.score else best
 
 
 def _long_direction(draft: RoomDraft) -> float:
@@ -742,8 +742,8 @@ def with_parts_joined(evidence: Evidence, best: Scored) -> Scored:
         if not _on_one_line(best.draft, longer, other):
             continue
         joint = _in_one(best.draft, longer, other)
-        one = refined(evidence, joint, ROUGH, _PART_STEPS) if joint.is_sound else best
-        best = one if one.score > best.score - PRICE else best
+        joined = refined(evidence, joint, ROUGH, _PART_STEPS) if joint.is_sound else best
+        best = joined if joined.score > best.score - PRICE else best
     return best
 
 
@@ -848,9 +848,9 @@ def find_room(
     own = LateProcesses(len(scans), LARGE) if processes is None else nullcontext(processes)
     with own as used:
         spreads, progress = spreads or [PoseSpread()] * len(scans), SearchProgress(tick)
-        found = _found(evidence_of(scans, spreads, board, air, course, used, progress))
+        result = _found(evidence_of(scans, spreads, board, air, course, used, progress))
     tick(1.0)
-    return found
+    return result
 
 
 def worth_alone(scan: PlacedScan, board: Board, air: Air, tick: Callable[[float], None]) -> float:
@@ -880,14 +880,14 @@ def _best(evidence: Evidence, search: Callable[[Evidence, RoomDraft], RoomDraft]
     """
     likely = evidence.course.likely
     begins = [evidence.first, *([] if likely is None else [likely])]
-    found: list[Scored] = []
+    results: list[Scored] = []
     for number, begin in enumerate(begins):
         evidence.progress.begin(done * (number + 1) / len(begins))
         course = evidence.course if number == 0 else evidence.course.unseen
         way = replace(evidence, course=course, progress=SearchProgress(evidence.progress.inner(1.0)))
-        found.append(scored(evidence, _in_turn(way, search, begin)))
-    best = max(found, key=worth)
-    if best is not found[0]:
+        results.append(scored(evidence, _in_turn(way, search, begin)))
+    best = max(results, key=worth)
+    if best is not results[0]:
         evidence.course.accept(best.draft)
     return best
 
@@ -1052,7 +1052,7 @@ class _Stage:
     def refined(self) -> dict[int, PlacedScan]:
         """The scans at their refined places."""
         places = self.found.draft.places
-        return {k: replace(scan, place=at) for (k, scan), at in zip(self.placed.items(), places, strict=True)}
+        return {k: replace(scan, place=place) for (k, scan), place in zip(self.placed.items(), places, strict=True)}
 
     def sensor(self, board: Board) -> Board:
         """Return the board with range offset and threshold as these scans show them, and with what is left of spreads.
@@ -1106,7 +1106,7 @@ def find_room_and_poses(
         if poses:  # once more, because the last scans began at located places, which are not refined
             search.progress.begin(1.0)
             again = search.room_with(stage, {}, 1.0, search.course.unseen)
-            stage = max(again, stage, key=lambda one: one.found.worth)
+            stage = max(again, stage, key=lambda candidate: candidate.found.worth)
     tick(1.0)
     return replace(
         stage.found,
@@ -1149,8 +1149,8 @@ class _Search:
         """Return the room of some scans; it takes a `part` of what is left of the part of the progress."""
         spreads = [self._spread(k, scan.place) for k, scan in placed.items()]
         tick = self.progress.inner(part)
-        found = find_room(list(placed.values()), self.board, self.air, spreads, tick, course, self.processes)
-        return _Stage(placed, found)
+        result = find_room(list(placed.values()), self.board, self.air, spreads, tick, course, self.processes)
+        return _Stage(placed, result)
 
     def _spread(self, k: int, begins: Place) -> PoseSpread:
         """Return the spread of the pose of a scan: what is known of it, and for the rest that of a located scan."""
@@ -1189,7 +1189,9 @@ class _Search:
         """Return the room of one more scan, or of all that are sure; None if none of them can be placed."""
         own = stage.explained(list(stage.placed))
         sure = [
-            k for k, one in located.items() if one.explained >= _AS_GOOD * own and one.poses[0].probability >= _PROBABLE
+            k
+            for k, poses in located.items()
+            if poses.explained >= _AS_GOOD * own and poses.poses[0].probability >= _PROBABLE
         ]
         if sure:
             return self.room_with(stage, {k: located[k].poses[0] for k in sure}, 1.0, self.course)
@@ -1210,7 +1212,7 @@ class _Search:
         """Return the best room with the first scan that shares walls with the others at one of its poses, or None."""
         for k, tried in poses.items():
             rooms = [self.room_with(stage, {k: pose}, _TRYING, self.course.unseen) for pose in tried]
-            longer = max(rooms, key=lambda one: one.found.worth)
+            longer = max(rooms, key=lambda candidate: candidate.found.worth)
             if longer.found.worth >= stage.found.worth + self._alone(k, stage):  # else they share no walls at this pose
                 self.course.accept(longer.found.draft)
                 return longer

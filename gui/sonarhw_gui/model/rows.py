@@ -10,7 +10,7 @@ from enum import IntEnum
 import numpy as np
 from sonarhw_compare.match import Kind
 
-from sonarhw.export import text_cell
+from sonarhw.errors import text_cell
 from sonarhw.readings import BoolArray, FloatArray, Origin, Reading
 from sonarhw_gui.jobs.forecast import NO_PATH, ComparedScan, IntArray
 from sonarhw_gui.model.look import MARKS, Class, Look, Unclassed, residual_unit

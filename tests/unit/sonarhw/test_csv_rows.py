@@ -8,7 +8,8 @@ from typing import Any, cast
 
 import pytest
 
-from sonarhw.export import text_cell, write_csv
+from sonarhw.errors import text_cell
+from sonarhw.export import write_csv
 from sonarhw.readings import Reading
 
 

@@ -19,7 +19,7 @@ import pytest
 from sonarhw import sector
 from sonarhw.device.emulated_board import emulated_board
 from sonarhw.link import Link
-from sonarhw.readings import Origin, Ping, PingResult
+from sonarhw.readings import Origin, Ping, PingResult, origin_of
 from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
 from sonarhw.wire.messages import (
     Accepted,
@@ -39,7 +39,6 @@ from sonarhw.wire.messages import (
     StartScan,
     Statistics,
 )
-from sonarhw.wire.readings_of_frames import origin_of
 from tests.contract.talk import Talk, readings
 from tests.system.firmware.combinations.images import MEGA, budgets, vector
 from tests.system.firmware.conftest import FIRMWARE, PACE, Echoes, Mishap, scanner_on

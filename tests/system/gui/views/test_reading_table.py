@@ -21,7 +21,7 @@ from sonarhw_gui.model.scene import NoteTexts, Scene
 from sonarhw_gui.model.shown import Shown
 from sonarhw_gui.views.table import TableView
 
-from sonarhw.export import text_cell
+from sonarhw.errors import text_cell
 from sonarhw.log import read_log
 from sonarhw.readings import Reading
 from tests.system.gui.driving import PATIENCE, until

@@ -7,8 +7,7 @@ import pytest
 from sonarhw.device.fake_board import BoardIdentity
 from sonarhw.log import LogMetadata, read_log
 from sonarhw.log.writer import write_scan
-from sonarhw.readings import Origin
-from sonarhw.wire.readings_of_frames import origin_of
+from sonarhw.readings import Origin, origin_of
 from tests.fixtures.example_logs import STARTED, example_reading
 
 
