@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sonarhw.errors import InputError, counted
-from sonarhw_cli.options import Verbosity, print_detail, prints, warn
+from sonarhw_cli.options import VERBOSE, print_detail, prints, warn
 
 if TYPE_CHECKING:
     from sonarhw_compare.one_call import Find
@@ -84,7 +84,7 @@ def _print_fake(url: str) -> None:
     from sonarhw_compare.one_call import is_fake, read_fake_url
     from sonarhw_sim.room.room import load_room
 
-    if not (is_fake(url) and prints(Verbosity.VERBOSE)):
+    if not (is_fake(url) and prints(VERBOSE)):
         return
     fake = read_fake_url(url)
     room = load_room(fake.room)

@@ -5,7 +5,6 @@ import logging
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping
-from enum import IntEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TextIO, TypeVar
 
@@ -90,27 +89,22 @@ def write_rows(out: TextIO, header: str, rows: Iterable[Iterable[float | int | s
 _MOST = 1000  # characters of a line on standard error
 
 
-class Verbosity(IntEnum):
-    """The messages that are printed."""
-
-    QUIET = 0  # none: no warnings, no progress bars, no closing lines
-    NORMAL = 1
-    VERBOSE = 2  # also what a command has read and chosen, and the class of an error
-
-
-_chosen = Verbosity.NORMAL
+# the messages that are printed: none, so no warnings, progress bars and closing lines; the usual ones; also what a
+# command has read and chosen, and the class of an error
+_QUIET, NORMAL, VERBOSE = range(3)
+_chosen = NORMAL
 
 
 def choose_verbosity(*, quiet: bool, verbose: bool) -> None:
     """Select the messages of this run. --quiet wins."""
     global _chosen
-    _chosen = Verbosity.QUIET if quiet else Verbosity.VERBOSE if verbose else Verbosity.NORMAL
+    _chosen = _QUIET if quiet else VERBOSE if verbose else NORMAL
     logger = logging.getLogger("sonarhw")
     logger.setLevel(logging.INFO)
     logger.handlers = [_Details()]
 
 
-def prints(level: Verbosity) -> bool:
+def prints(level: int) -> bool:
     """Report whether messages of a level are printed."""
     return _chosen >= level
 
@@ -136,7 +130,7 @@ def print_result(as_json: bool, figures: Callable[[], object], lines: Callable[[
 
 def print_note(text: str) -> None:
     """Print text as one line on standard error, unless --quiet is given."""
-    if prints(Verbosity.NORMAL):
+    if prints(NORMAL):
         _print_on_stderr(text)
 
 
@@ -147,7 +141,7 @@ def warn(message: str) -> None:
 
 def print_detail(text: str) -> None:
     """With --verbose, print on standard error what a command has read or chosen."""
-    if prints(Verbosity.VERBOSE):
+    if prints(VERBOSE):
         _print_on_stderr(f"sonarhw: {text}")
 
 

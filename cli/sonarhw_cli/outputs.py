@@ -14,7 +14,7 @@ from sonarhw_sim.compilation import Watcher
 
 from sonarhw.errors import InputError, OutputError, harmless
 from sonarhw.files import atomic_file, is_special
-from sonarhw_cli.options import STDOUT, Verbosity, print_note, prints, warn
+from sonarhw_cli.options import NORMAL, STDOUT, print_note, prints, warn
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -280,7 +280,7 @@ class CompilationProgress(Watcher):
 
 @contextmanager
 def _bar(total: int, doing: Callable[[], str]) -> Iterator["Progress | None"]:
-    if _shown or not (sys.stderr.isatty() and prints(Verbosity.NORMAL)):
+    if _shown or not (sys.stderr.isatty() and prints(NORMAL)):
         yield None
         return
     from rich.console import Console
