@@ -7,12 +7,19 @@ BIN := $(VENV)/bin
 SEED ?= 1
 SAMPLE ?= 100
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
+SHELL := /bin/bash
+.SHELLFLAGS := -o pipefail -c
 # some container images set it: then each process of the tests compiles all modules again
 unexport PYTHONDONTWRITEBYTECODE
 # versions and hashes are locked; packages build with the locked setuptools
 INSTALL := $(BIN)/python -m pip install --quiet $(INSTALL_OPTIONS) --no-build-isolation
-# --no-deps: a lock is complete, and pip can take a newer version for a requirement with extras such as coverage[toml]
-locked = $(INSTALL) --no-deps --require-hashes $(patsubst %,--requirement requirements/%.txt,$(1))
+# --no-deps: a lock is complete, and pip can take a newer version for a requirement with extras such as coverage[toml];
+# prints a line for every fifth package instead of the bars of pip
+locked = $(BIN)/python -m pip install $(INSTALL_OPTIONS) --progress-bar off --no-build-isolation --no-deps \
+	--require-hashes $(patsubst %,--requirement requirements/%.txt,$(1)) | awk \
+	-v all=$$(cat $(patsubst %,requirements/%.txt,$(1)) | grep -c '^[^ \#]*==') \
+	'/^Collecting/ && ++n % 5 == 0 {print "  " n " of " all " packages"; fflush()} \
+	/^Installing/ {print "  installing them"; fflush()}'
 # many tests wait, so more files run in parallel than there are cores; small files of unit tests are last
 AT_ONCE := --dist loadfile --no-loadscope-reorder --max-worker-restart 0
 # -noreset: otherwise the X server resets when its last window closes, and rejects connections meanwhile
@@ -33,7 +40,7 @@ tools: $(VENV)/tools $(VENV)/compiled
 
 $(VENV)/installed: pyproject.toml setup.py requirements/build.txt requirements/base.txt requirements/gui.txt setup/debian_packages.sh
 	setup/debian_packages.sh demo
-	@echo "Installing Python packages (0.9 GB) into $(VENV): one to five minutes"
+	@echo "Installing Python packages (0.9 GB) into $(VENV)"
 	$(PYTHON) -m venv $(VENV)
 	$(call locked,build)
 	$(call locked,base gui)
@@ -42,18 +49,26 @@ $(VENV)/installed: pyproject.toml setup.py requirements/build.txt requirements/b
 
 # apart, so that `make test` compiles while it installs the tools
 $(VENV)/compiled: $(VENV)/installed
-	@echo "Compiling the prediction, once per installation: one to five minutes"
+	@echo "Compiling predictions, fits and searches, once per installation"
 	$(BIN)/python setup/compile_kernels.py
 	touch $@
 
+$(VENV)/compiled_for_demo: $(VENV)/installed
+	@echo "Compiling the prediction of the demo, once per installation"
+	$(BIN)/python setup/compile_kernels.py demo
+	touch $@
+
 $(VENV)/tools: $(VENV)/installed requirements/foxglove.txt requirements/ros.txt requirements/study.txt requirements/video.txt requirements/dev.txt
-	@echo "Installing development tools into $(VENV): one to five minutes"
+	@echo "Installing development tools into $(VENV)"
 	$(call locked,base foxglove gui ros study video dev)
 	$(BIN)/python -m pip check
 	touch $@
 
-# with a window if there is a display; otherwise writes the same results to a new folder
-demo: setup
+# with a window if there is a display; otherwise writes the same results to a new folder. What only fits and searches
+# need is compiled meanwhile
+demo: $(VENV)/installed $(VENV)/compiled_for_demo
+	@[ $(VENV)/compiled -nt $(VENV)/installed ] || \
+		(nice $(BIN)/python setup/compile_kernels.py && touch $(VENV)/compiled) >/dev/null 2>&1 &
 	$(BIN)/sonarhw demo
 
 # the firmware and the emulated board

@@ -1,8 +1,11 @@
 """Compile all kernels now rather than in the first commands that use them; `make setup` runs this program.
 
-A kernel is compiled by a call, because the call determines the types of its arguments. So this program predicts, fits,
-locates and maps a small scan. A terminal shows the progress.
+With the argument `demo`, only those that the demo needs for its first scan: half of them. A kernel is compiled by a
+call, because the call determines the types of its arguments. So this program predicts, fits, locates and maps a small
+scan. A terminal shows the progress.
 """
+
+import sys
 
 import numpy as np
 from sonarhw_cli.outputs import CompilationProgress
@@ -12,6 +15,7 @@ from sonarhw_sim import PredictionOptions, Receiver, RoomEchoes, Unit, load_boar
 from sonarhw_sim.air import DEFAULT_BOARD, Model
 from sonarhw_sim.board.signal import RATE
 from sonarhw_sim.compilation import watch_compilation
+from sonarhw_sim.predict.predicted_scan import nearest_paths
 from sonarhw_sim.room.room import with_material
 
 from sonarhw.readings import FloatArray, Reading
@@ -24,8 +28,21 @@ OPTIONS = (
 )
 
 
+def compile_for_demo() -> None:
+    """Call the kernels of the first scan of the demo."""
+    room, board = load_room("laboratory"), load_board(DEFAULT_BOARD)
+    place, headings = room.place("bench"), np.radians(np.arange(0.0, 360.0, 30.0))
+    scan = predict_scan(room, place, board, headings)
+    nearest_paths(scan, np.arange(1), np.ones(1), 0.05)
+    ping = scan.ping(0)
+    ping.echo_times()
+    ping.signal(0.01).rf(RATE)
+    RoomEchoes(room, place, board).prepare()
+
+
 def compile_kernels() -> None:
     """Call every kernel that the commands use."""
+    compile_for_demo()
     room, board = load_room("simple"), load_board(DEFAULT_BOARD)
     place, headings = room.place("figure9"), np.radians(np.arange(0.0, 360.0, 30.0))
     scan = predict_scan(room, place, board, headings)
@@ -36,10 +53,6 @@ def compile_kernels() -> None:
     predict_scan(with_material(room, room.materials[0], 0.9, scatter=0.1), place, board, headings)
     with_heights = load_room("doorstep")
     predict_scan(with_heights, with_heights.place("robot"), board, headings)
-    ping = scan.ping(0)
-    ping.echo_times()
-    ping.signal(0.01).rf(RATE)
-    RoomEchoes(room, place, board).prepare()
     readings = readings_of(headings, scan.ranges, room.air.speed_of_sound)
     fit_scan(readings, room, place, board, frozenset({"heading", "offset"}))
     locate_scan(readings, room, board)
@@ -57,4 +70,7 @@ def readings_of(headings: FloatArray, ranges: FloatArray, speed: float) -> list[
 
 if __name__ == "__main__":
     watch_compilation(CompilationProgress())
-    compile_kernels()
+    if sys.argv[1:] == ["demo"]:
+        compile_for_demo()
+    else:
+        compile_kernels()
