@@ -11,14 +11,14 @@ SHELL := /bin/bash
 .SHELLFLAGS := -o pipefail -c
 # some container images set it: then each process of the tests compiles all modules again
 unexport PYTHONDONTWRITEBYTECODE
-# versions and hashes are locked; packages build with the locked setuptools
-INSTALL := $(BIN)/python -m pip install --quiet $(INSTALL_OPTIONS) --no-build-isolation
+# --no-compile: pip compiles all modules of every package, in half of its time, and most are never imported
+PIP_INSTALL := $(BIN)/python -m pip install --no-compile --no-build-isolation --no-deps
+# versions and hashes are locked; packages build with the locked setuptools.
 # --no-deps: a lock is complete, and pip can take a newer version for a requirement with extras such as coverage[toml];
-# prints a line for every fifth package instead of the bars of pip
-locked = $(BIN)/python -m pip install $(INSTALL_OPTIONS) --progress-bar off --no-build-isolation --no-deps \
-	--require-hashes $(patsubst %,--requirement requirements/%.txt,$(1)) | awk \
+# prints a line for every sixth package instead of the bars of pip
+locked = $(PIP_INSTALL) --progress-bar off --require-hashes $(patsubst %,--requirement requirements/%.txt,$(1)) | awk \
 	-v all=$$(cat $(patsubst %,requirements/%.txt,$(1)) | grep -c '^[^ \#]*==') \
-	'/^Collecting/ && ++n % 5 == 0 {print "  " n " of " all " packages"; fflush()} \
+	'/^(Collecting|Processing|Ignoring)/ && ++n % 6 == 0 {print "  " n " of " all " packages"; fflush()} \
 	/^Installing/ {print "  installing them"; fflush()}'
 # many tests wait, so more files run in parallel than there are cores; small files of unit tests are last
 AT_ONCE := --dist loadfile --no-loadscope-reorder --max-worker-restart 0
@@ -42,9 +42,9 @@ $(VENV)/installed: pyproject.toml setup.py requirements/build.txt requirements/b
 	setup/debian_packages.sh demo
 	@echo "Installing Python packages (0.9 GB) into $(VENV)"
 	$(PYTHON) -m venv $(VENV)
-	$(call locked,build)
-	$(call locked,base gui)
-	$(INSTALL) --no-deps --editable .
+	@$(call locked,build)
+	@$(call locked,base gui)
+	$(PIP_INSTALL) --quiet --editable .
 	touch $@
 
 # apart, so that `make test` compiles while it installs the tools
@@ -60,7 +60,7 @@ $(VENV)/compiled_for_demo: $(VENV)/installed
 
 $(VENV)/tools: $(VENV)/installed requirements/foxglove.txt requirements/ros.txt requirements/study.txt requirements/video.txt requirements/dev.txt
 	@echo "Installing development tools into $(VENV)"
-	$(call locked,base foxglove gui ros study video dev)
+	@$(call locked,base foxglove gui ros study video dev)
 	$(BIN)/python -m pip check
 	touch $@
 
@@ -97,7 +97,7 @@ types: $(VENV)/tools
 # and window tests follow it, which need less time than the others
 test:
 	setup/debian_packages.sh demo firmware test
-	$(MAKE) --no-print-directory INSTALL_OPTIONS=--no-compile --jobs 2 --output-sync=target lint firmware $(VENV)/compiled collected
+	$(MAKE) --no-print-directory --jobs 2 --output-sync=target lint firmware $(VENV)/compiled collected
 	$(MAKE) --no-print-directory --jobs 2 types other-tests window-tests
 
 # pytest compiles the tests when it collects them; otherwise each of its processes would compile them all
@@ -138,7 +138,7 @@ mutation: tools
 
 # the documentation site, in build/site; fails on a broken link
 docs: setup
-	$(call locked,base gui docs)
+	@$(call locked,base gui docs)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
 
 # make demo and test on a new Debian 12; needs root and debootstrap. Other targets: FRESH="demo check"
@@ -147,12 +147,12 @@ fresh:
 
 # lock versions and hashes after a change of pyproject.toml; all newest versions: make lock UPGRADE=--upgrade
 lock: setup
-	$(call locked,base audit)
+	@$(call locked,base audit)
 	PATH="$(abspath $(BIN)):$$PATH" $(BIN)/python -m requirements.lock $(UPGRADE)
 
 # known vulnerabilities and abandoned dependencies; checks what it can without network
 audit: setup
-	$(call locked,base audit)
+	@$(call locked,base audit)
 	PATH="$(abspath $(BIN)):$$PATH" $(BIN)/python -m requirements.audit
 
 clean:
