@@ -92,7 +92,6 @@ lint: $(VENV)/tools
 types: $(VENV)/tools
 	$(BIN)/mypy
 
-# --no-compile: pip compiles every module of every package, in half of its time, and tests import only a part of them.
 # Debian packages first: two jobs cannot install at once. mypy needs half a minute; it runs beside the first tests,
 # and window tests follow it, which need less time than the others
 test:
