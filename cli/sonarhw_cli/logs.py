@@ -1,6 +1,7 @@
 """`sonarhw import` and `sonarhw log`: convert, show, repair and export logs."""
 
 import math
+import re
 import time
 import warnings
 from dataclasses import replace
@@ -11,7 +12,8 @@ from statistics import median
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
-from sonarhw_compare.import_formats import ImportFormat, formats_text, import_format, is_bag, is_raw
+from sonarhw_compare.import_formats import FORMATS as IMPORT_FORMATS
+from sonarhw_compare.import_formats import RAW, ROS, TEXT, ImportFormat, formats_text, import_format
 
 from sonarhw.errors import InputError, counted, counted_are
 from sonarhw.export import FORMATS, export_format, export_suffixes
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
 
     from sonarhw.log import Log, LogMetadata, RecordedScan
     from sonarhw.readings import Reading
+    from sonarhw.text.layouts import Layout
 
 # `sonarhw import`: convert scans of other programs to logs.
 
@@ -31,7 +34,40 @@ if TYPE_CHECKING:
 _FAR = 20.0  # m; beyond the range of any such board
 
 
-ForeignFile = Annotated[Path, typer.Argument(help=f"CSV file with a header line; or {formats_text()}.", metavar="FILE")]
+ForeignFile = Annotated[Path, typer.Argument(help=f"A scan in one of these formats: {formats_text()}.", metavar="FILE")]
+Format = Annotated[
+    str | None,
+    typer.Option(
+        "--format",
+        help=f"Format, instead of that of the content: {', '.join(known.name for known in IMPORT_FORMATS)}.",
+        metavar="NAME",
+    ),
+]
+Preset = Annotated[
+    str | None,
+    typer.Option(help="Text: what a line looks like, as in a `lines:` URL; default: proposed.", metavar="NAME"),
+]
+Pattern = Annotated[
+    str | None,
+    typer.Option(help="Text: what a reading looks like, such as 'Angle: {deg} Dist: {cm}'.", metavar="PATTERN"),
+]
+RangeUnit = Annotated[
+    str | None, typer.Option("--unit", help="Text: unit of the ranges: m, cm, mm, in, ft, us.", metavar="UNIT")
+]
+AngleUnit = Annotated[
+    str | None, typer.Option("--angle", help="Text: unit of the angles: deg, rad, gon, step.", metavar="UNIT")
+]
+Variable = Annotated[
+    str | None, typer.Option(help="MAT, NPZ: the array to read, also in a structure: data.signal.", metavar="NAME")
+]
+
+
+Axis = Annotated[
+    Literal["rows", "columns"] | None, typer.Option(help="Raw traces: whether pings are the rows or the columns.")
+]
+FullScale = Annotated[
+    float | None, typer.Option("--full-scale", help="Raw traces: the largest number, such as volts, of the receiver.")
+]
 HeadingColumn = Annotated[
     str | None, typer.Option("--heading", help="CSV: column of the turntable angle, degrees.", metavar="COL")
 ]
@@ -68,7 +104,7 @@ Blanking = Annotated[float | None, typer.Option(help="Traces: earlier samples ar
 SamplingRate = Annotated[float | None, typer.Option(help="Raw traces: sampling rate, Hz. A WAV file contains it.")]
 AngleStep = Annotated[
     float | None,
-    typer.Option(help="Raw traces, ROS: angle from one trace or sensor to the next, degrees. Default: 0."),
+    typer.Option(help="Raw traces, ROS, text: angle from one trace, sensor or reading to the next, degrees."),
 ]
 Topic = Annotated[
     str | None, typer.Option(help="ROS: the only topic to read; default: all with ranges.", metavar="NAME")
@@ -81,28 +117,32 @@ SpeedOfSound = Annotated[
 
 _OF_CSV = ": only for CSV files; {file} has the format {title}"
 _OF_TRACES = " {value:g}: only for formats with traces; {file} has ranges"
+_OF_TEXT = " {value}: only for text; {file} has the format {title}"
 # what options need of the format of the file, one of `_facts`
 _RULES = (
     options.Rule("import", "--heading --range --time --decimal-comma --scale --mean-of", _OF_CSV, "csv"),
+    options.Rule("import", "--preset --pattern --unit --angle", _OF_TEXT, "text"),
     options.Rule("import", "--threshold --blanking --speed-of-sound", _OF_TRACES, "traces"),
     options.Rule(
         "import", "--no-echo", " {value:g}: only for formats with ranges; {file} has traces", excludes="traces"
     ),
     options.Rule("import", "--rate", " {value:g}: only for raw traces; {file} has its own", "raw"),
-    options.Rule("import", "--step", " {value:g}: only for raw traces and ROS bags; {file} has angles", "steps"),
+    options.Rule("import", "--axis --variable --full-scale", " {value}: only for raw traces", "raw"),
+    options.Rule("import", "--step", " {value:g}: only for raw traces, ROS and text; {file} has angles", "steps"),
     options.Rule("import", "--topic", " {value}: only for ROS bags", "bag"),
 )
 
 
-def _facts(file_format: ImportFormat | None) -> list[str]:
-    """Return what a file of a format contains; None is CSV."""
-    if file_format is None:
+def _facts(known: ImportFormat | None) -> list[str]:
+    """Return what a file of a format contains; None is CSV with named columns."""
+    if known is None:
         return ["csv"]
     facts = {
-        "traces": file_format.has_traces,
-        "raw": is_raw(file_format),
-        "steps": file_format.has_step,
-        "bag": is_bag(file_format),
+        "traces": known.has_traces,
+        "raw": known is RAW,
+        "steps": known.has_step,
+        "bag": known is ROS,
+        "text": known is TEXT,
     }
     return [fact for fact, is_true in facts.items() if is_true]
 
@@ -111,6 +151,11 @@ def import_scan(
     context: typer.Context,
     file: ForeignFile,
     out: Annotated[Path, typer.Option("--out", help="Log to write (*.mcap).")],
+    format_name: Format = None,
+    preset: Preset = None,
+    pattern: Pattern = None,
+    unit: RangeUnit = None,
+    angle: AngleUnit = None,
     heading: HeadingColumn = None,
     distance: RangeColumn = None,
     scale: RangeScale = 1.0,
@@ -125,15 +170,20 @@ def import_scan(
     rate: SamplingRate = None,
     step: AngleStep = None,
     topic: Topic = None,
+    variable: Variable = None,
+    axis: Axis = None,
+    full_scale: FullScale = None,
     speed_of_sound: SpeedOfSound = None,
     room: options.RoomToStore = None,
     place: options.PlaceName = None,
     board: options.BoardToStore = None,
     force: options.Force = False,
 ) -> None:
-    """Convert a scan of another program to a log. The suffix of the file selects its format, by default CSV.
+    """Convert a scan of another program to a log. The content of the file selects its format.
 
-    With --room, --place and --board, compare, report and fit need no options for them.
+    Of text, columns and units are recognised and printed. What is doubtful is not guessed: the command ends with the
+    option that decides it. --heading and --range read a CSV file by the names of its columns. With --room, --place and
+    --board, compare, report and fit need no options for them.
     """
     from sonarhw_compare.foreign_csv import Meaning, likely_no_echo, read_foreign_scan
 
@@ -142,12 +192,19 @@ def import_scan(
     checked_out(out, (options.LOG,), force, file, room, board)
     _check_options(scale, heading_zero)
     metadata = _metadata(room, place, board)
-    file_format = import_format(file, rate)
-    columns = _columns(file, heading, distance, time_column, decimal_comma) if file_format is None else None
-    options.check_rules(
-        context, _RULES, _facts(file_format), file=file.name, title=file_format.title if file_format else ""
-    )
-    _check_values(file, file_format, threshold, blanking, speed_of_sound, rate, step)
+    name = format_name or ""
+    if name not in ("", *(known.name for known in IMPORT_FORMATS)):
+        listed = ", ".join(known.name for known in IMPORT_FORMATS)
+        raise InputError(f"--format {name}: expected {listed}")
+    by_columns = heading is not None or distance is not None or decimal_comma or time_column is not None
+    known = None if by_columns and name in ("", "text") else import_format(file, rate, name)
+    if by_columns and (other := import_format(file, rate, name)) is not TEXT:
+        known = other
+    columns = _columns(file, heading, distance, time_column, decimal_comma) if known is None else None
+    options.check_rules(context, _RULES, _facts(known), file=file.name, title=known.title if known else "")
+    _check_values(file, known, threshold, blanking, speed_of_sound, rate, step)
+    if full_scale is not None and not full_scale > 0:
+        raise InputError(f"--full-scale {full_scale:g}: expected a number above 0")
     meaning = Meaning(
         scale=scale,
         sign=-1.0 if turn == "cw" else 1.0,
@@ -159,9 +216,13 @@ def import_scan(
         rate=rate,
         step=step or 0.0,
         topic=topic,
+        variable=variable,
+        axis=axis,
+        full_scale=full_scale,
     )
     if columns is None:
-        readings = _read(file, file_format, meaning)
+        stated = _stated_layout(preset, pattern, unit, angle, no_echo, step)
+        readings = _read(file, meaning, *stated, name)
     else:
         readings = _without_means(file, read_foreign_scan(file, columns, meaning), meaning, mean_of)
     write_scan(out, metadata, readings, overwrite=force)
@@ -170,6 +231,26 @@ def import_scan(
     _warn_of_far_ranges(readings, scale)
     if columns is not None and no_echo is None and (likely := likely_no_echo(file, columns)):
         options.warn(f"{likely[1]} ranges are {likely[0]:g}; if this means no echo, add --no-echo {likely[0]:g}")
+
+
+def _stated_layout(
+    preset: str | None,
+    pattern: str | None,
+    unit: str | None,
+    angle: str | None,
+    no_echo: float | None,
+    step: float | None,
+) -> "tuple[Layout | None, Layout]":
+    """Return the layout of the text, None without a preset or pattern, and what is known of any layout."""
+    from sonarhw.text.layouts import Layout, layout_of
+
+    keys = {"preset": preset, "pattern": pattern, "unit": unit, "angle": angle}
+    values = {key: value for key, value in keys.items() if value}
+    values |= {} if no_echo is None else {"no_echo": f"{no_echo:g}"}
+    values |= {} if not step else {"step": f"{step:g}"}
+    if preset or pattern:
+        return layout_of(values), Layout()
+    return None, layout_of({"preset": "csv", **values})
 
 
 def _columns(
@@ -226,22 +307,34 @@ def _check_values(
         raise InputError(f"--blanking {blanking:g}: expected 0 to 1 s, and --threshold")
     if speed is not None and not 100 <= speed <= 10_000:
         raise InputError(f"--speed-of-sound {speed:g}: expected 100 to 10000 m/s")
-    if is_raw(file_format) and (rate is None) != (file.suffix.lower() == ".wav"):
+    if file_format is RAW and (rate is None) != (file.suffix.lower() == ".wav"):
         problem = "needs --rate, Hz" if rate is None else f"--rate {rate:g}: a WAV file has its own; leave it out"
         raise InputError(f"{file}: {problem}")
     if step is not None and not -360 <= step <= 360:
         raise InputError(f"--step {step:g}: expected -360 to 360 degrees")
 
 
-def _read(file: Path, file_format: ImportFormat | None, meaning: "Meaning") -> "list[Reading]":
-    """Return the readings of a file that is not CSV, and print its warnings."""
-    assert file_format is not None
+def _read(file: Path, meaning: "Meaning", layout: "Layout | None", known: "Layout", name: str) -> "list[Reading]":
+    """Return the readings of a file that is not CSV with named columns, and print how it was read."""
+    from sonarhw_compare.imports import read_scan
+
     with warnings.catch_warnings(record=True) as doubts:
         warnings.simplefilter("always")
-        readings = file_format.read(file, meaning)
+        try:
+            scan = read_scan(file, meaning, layout, known, name)
+        except InputError as error:
+            raise InputError(_with_options(str(error))) from error
     for doubt in doubts:
-        options.warn(str(doubt.message))
-    return readings
+        options.warn(_with_options(str(doubt.message)))
+    for note in scan.notes:
+        options.print_note(f"{file}: {_with_options(note)}")
+    return scan.readings
+
+
+def _with_options(question: str) -> str:
+    """Return a question with the options of this command in place of the keys of a URL."""
+    keys = r"\b(unit|angle|step|pattern|axis|variable|full_scale)=(\w*)"
+    return re.sub(keys, lambda key: f"--{key[1].replace('_', '-')} {key[2]}".rstrip(), question)
 
 
 def _metadata(room_name: str | None, place: str | None, board: str | None) -> "LogMetadata":

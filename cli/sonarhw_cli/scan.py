@@ -317,6 +317,8 @@ def _warn_of_another_count(count: int, request: ScanRequest) -> None:
 
 def _report_ignored(scanner: "Scanner") -> None:
     """Print what of the received text was no reading."""
+    for note in scanner.notes:
+        options.print_note(note)
     kinds = ", ".join(f"{kind} ({count})" for kind, count in scanner.ignored.items())
     if kinds:
         options.print_note(f"ignored: {kinds}")

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from sonarhw.host.scanner import DeviceCapabilities, DeviceInfo, Scanner
     from sonarhw.link import Link, LinkStatistics, Port
     from sonarhw.plugins.device_plugin import CheckedPlugin
+    from sonarhw.text_device import LineGuess
     from sonarhw.wire.frames import Frame, Rejected
     from sonarhw.wire.messages import Outcome, Statistics, Wiring
 
@@ -351,6 +352,8 @@ def ports(
         if not as_json:
             answer = listed[-1]["answer"] or f"not checked; {'name the port' if guess else '--ask checks all'}"
             options.print_line("  ".join(filter(None, (one.device, one.known or one.description, answer))))
+            for fact in listed[-1].get("evidence") or ():
+                options.print_line(f"    {fact}")
     if as_json:
         options.print_json({"ports": listed})
 
@@ -381,13 +384,31 @@ def _guessed(port: "Port", wanted: bool) -> dict[str, Any]:
     from sonarhw.text_device import guess_lines
 
     if not wanted:
-        return {"answer": None, "proposed_url": None, "preset": None, "baud": None}
+        return _guess_figures(None)
     try:
-        guess = guess_lines(port.device)
+        guess = guess_lines(port.device, drafted=_print_draft)
     except LinkError as error:
-        answer = str(error).removeprefix(f"{port.device}: ")
-        return {"answer": answer, "proposed_url": None, "preset": None, "baud": None}
-    return {"answer": guess.text, "proposed_url": guess.url, "preset": guess.preset, "baud": guess.baud}
+        return _guess_figures(str(error).removeprefix(f"{port.device}: "))
+    undecided = guess.proposal.questions
+    return _guess_figures(guess.text, guess.url, guess.preset, guess.baud, guess.details, undecided)
+
+
+def _guess_figures(
+    answer: str | None,
+    url: str | None = None,
+    preset: str | None = None,
+    baud: int | None = None,
+    evidence: "Iterable[str]" = (),
+    undecided: "Iterable[str]" = (),
+) -> dict[str, Any]:
+    """Return what a device prints under the keys of `ports --guess --json`."""
+    proposed = {"answer": answer, "proposed_url": url, "preset": preset, "baud": baud}
+    return {**proposed, "evidence": [*evidence], "undecided": [*undecided]}
+
+
+def _print_draft(guess: "LineGuess") -> None:
+    """Print the first proposal, while the command listens until a sweep has passed."""
+    options.print_note(f"{guess.port}: {guess.text}; listening until a sweep has passed")
 
 
 # `sonarhw board`, behind `make board`: the real firmware on an emulated board in the demo room.

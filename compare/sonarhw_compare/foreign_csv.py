@@ -21,6 +21,7 @@ from sonarhw.errors import InputError, counted
 from sonarhw.files import open_input
 from sonarhw.readings import Reading, Trace
 from sonarhw.sound_speed import speed_of_sound
+from sonarhw.text.decoder import encoding_of
 from sonarhw.wire.messages import MOST_DEGREES
 
 # Readings from the rows of any file of another program: units, conventions, limits.
@@ -35,6 +36,7 @@ LONGEST_SCAN = 1e8  # s
 MOST_READINGS = 200_000
 MOST_SAMPLES = 50_000_000  # of all traces
 _MOST_BYTES = 2_000_000_000  # of a text file
+_START = 65_536  # bytes of a text that show its encoding
 _PINGS = 256
 
 
@@ -52,6 +54,9 @@ class Meaning:
     rate: float | None = None  # Hz, sampling rate of arrays of samples
     step: float = 0.0  # degrees, from one of their traces to the next, or from one sensor to the next
     topic: str | None = None  # of a ROS bag; None: all
+    variable: str | None = None  # of a MAT or NPZ file; None: the only array
+    axis: str | None = None  # "rows" or "columns": what a ping is in a table of samples; None: rows, unless doubtful
+    full_scale: float | None = None  # of samples, such as volts; None: that of their type
 
 
 @dataclass(frozen=True)
@@ -64,6 +69,7 @@ class ForeignRow:
     time: float | None  # s
     sweep: int = 0
     trace: Trace | None = None
+    more: tuple[float, ...] = ()  # ranges of later echoes
 
 
 def readings_of(where: str, rows: Iterable[ForeignRow], meaning: Meaning) -> list[Reading]:
@@ -97,7 +103,7 @@ def readings_of(where: str, rows: Iterable[ForeignRow], meaning: Meaning) -> lis
 def _echo_times(row: ForeignRow, meaning: Meaning, speed: float) -> tuple[float, ...]:
     """Return the time of the echo, s: that of the range, or of the first sample of the trace over the threshold."""
     if row.distance is not None:
-        return (2 * row.distance * meaning.scale / speed,)
+        return tuple(2 * distance * meaning.scale / speed for distance in (row.distance, *row.more))
     if row.trace is None or meaning.threshold is None:
         return ()
     loud = np.flatnonzero((np.abs(row.trace.samples) >= meaning.threshold) & (row.trace.times >= meaning.blanking))
@@ -231,10 +237,13 @@ def _words(column: str) -> list[str]:
 
 @contextmanager
 def opened(file: Path, expected: str = "a CSV file") -> Iterator[TextIO]:
-    """Open a text file. Raises InputError for what is not text in UTF-8, or not `expected`."""
+    """Open a text file in UTF-8, UTF-16 or cp1252. Raises InputError for what is not text, or not `expected`."""
     try:
-        with TextIOWrapper(open_input(file, _MOST_BYTES), encoding="utf-8-sig", newline="") as text:
-            yield text
+        with open_input(file, _MOST_BYTES) as data:
+            encoding = encoding_of(data.read(_START))
+            data.seek(0)
+            with TextIOWrapper(data, encoding=encoding, newline="") as text:
+                yield text
     except InputError:  # of the reader of the text
         raise
     except FileNotFoundError as error:

@@ -1,14 +1,15 @@
-"""The file formats that `sonarhw import` reads besides CSV, each with its file suffixes.
+"""The file formats that `sonarhw import` reads, and their recognition by content.
 
-To add a format, write a function `read_x(file, meaning)` in `imports` and add an entry to FORMATS. The command and its
-help follow.
+To add a format, write a function `read_x(file, meaning)` and add an entry to FORMATS. The command and its help follow.
 """
 
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sonarhw.errors import InputError
+from sonarhw.files import open_input
 
 if TYPE_CHECKING:
     from sonarhw.readings import Reading
@@ -19,59 +20,125 @@ if TYPE_CHECKING:
 class ImportFormat:
     """One file format."""
 
-    suffixes: tuple[str, ...]  # of the file name, in lower case
+    name: str  # of the option --format
+    suffixes: tuple[str, ...]  # of the file name, in lower case; they decide only if the content does not
     title: str
     has_traces: bool  # of received signals, in place of ranges
     has_step: bool  # without angles of its own, at least in part
-    reader: str  # name of a function of `imports`
+    reader: str = ""  # module and name of a function of these packages; empty for text
 
     def read(self, file: Path, meaning: "Meaning") -> "list[Reading]":
         """Return the readings of a file in this format. Raises InputError."""
-        from sonarhw_compare import imports  # loads NumPy, which the help does not need
-
-        readings: list[Reading] = getattr(imports, self.reader)(file, meaning)
+        module, _, name = self.reader.partition(":")
+        loaded = import_module(f"sonarhw_compare.{module}")  # loads NumPy, which the help does not need
+        readings: list[Reading] = getattr(loaded, name)(file, meaning)
         return readings
 
 
-FORMATS = (
-    ImportFormat((".log", ".clf"), "CARMEN logs with SONAR lines", False, False, "read_carmen_log"),
-    ImportFormat((".bin",), "Ping Viewer logs of a Ping360", True, False, "read_ping360_log"),
-    ImportFormat((".bag",), "ROS bags, also the folder of a bag of ROS 2", False, True, "read_ros_bag"),
-    ImportFormat(
-        (".wav", ".npy", ".mat"), "raw traces, also as text with a sampling rate", True, True, "read_raw_traces"
-    ),
+TEXT = ImportFormat("text", (), "text of a device: lines, CSV, JSON, captures of a terminal", False, True)
+CARMEN = ImportFormat("carmen", (".clf",), "CARMEN logs with SONAR lines", False, False, "imports:read_carmen_log")
+PLAYER = ImportFormat("player", (), "logs of Player with sonar", False, True, "imports:read_player_log")
+PING360 = ImportFormat("ping360", (".bin",), "Ping Viewer logs of a Ping360", True, False, "imports:read_ping360_log")
+ROS = ImportFormat(
+    "ros",
+    (".bag", ".db3"),
+    "ROS bags of both versions, as a file or a folder",
+    False,
+    True,
+    "foreign_bags:read_ros_bag",
 )
-_ROS, _RAW = FORMATS[-2:]
+JSON_MCAP = ImportFormat("json-mcap", (), "MCAP files with JSON messages", False, True)
+RAW = ImportFormat(
+    "raw",
+    (".wav", ".npy", ".npz", ".mat"),
+    "raw traces, also as text with a sampling rate",
+    True,
+    True,
+    "foreign_traces:read_raw_traces",
+)
+FORMATS = (TEXT, CARMEN, PLAYER, PING360, ROS, JSON_MCAP, RAW)
+_MAGIC = (
+    (b"#ROSBAG", ROS),
+    (b"SQLite format 3\0", ROS),
+    (b"\x93NUMPY", RAW),
+    (b"MATLAB ", RAW),
+    (b"PK\x03\x04", RAW),
+    (b"\x89HDF\r\n\x1a\n", RAW),
+)
+_START = 65_536  # bytes that decide
+_MOST_OPENED = 100_000_000_000  # bytes of a file; a bag may contain pictures
+_MCAP = b"\x89MCAP0\r\n"
 
 
-def import_format(file: Path, rate: float | None) -> ImportFormat | None:
-    """Return the format of a file by its suffix; None: CSV. Raises InputError for a log.
+def import_format(file: Path, rate: float | None, name: str = "") -> ImportFormat:
+    """Return the format of a file: that of a name, else by its content, else by its suffix, else text.
 
-    With a sampling `rate`, text is a table of samples. A folder with the metadata of a bag is a bag of ROS 2; any other
-    raises InputError.
+    With a sampling `rate`, text is a table of samples. Raises InputError for a log, and for a folder that is no bag.
     """
-    if (file / "metadata.yaml").exists():
-        return _ROS
+    if name:
+        return next(known for known in FORMATS if known.name == name)
     if file.is_dir():
+        if any(part.suffix in (".mcap", ".db3") for part in file.iterdir()) or (file / "metadata.yaml").exists():
+            return ROS
         raise InputError(f"{file}: is a folder without metadata.yaml; give a file, or the folder of a bag of ROS 2")
+    start = start_of_file(file)
+    found = _of_content(file, start)
+    if found is None:
+        found = next((known for known in FORMATS if file.suffix.lower() in known.suffixes), None)
+    return (TEXT if rate is None else RAW) if found is None else found
+
+
+def start_of_file(file: Path, size: int = _START) -> bytes:
+    """Return the first bytes of a file; empty if it cannot be read, which its reader reports."""
+    try:
+        with open_input(file, _MOST_OPENED) as data:
+            return data.read(size)
+    except (OSError, ValueError):
+        return b""
+
+
+def _of_content(file: Path, start: bytes) -> ImportFormat | None:
+    if start.startswith(_MCAP):
+        return _of_mcap(file, start)
     if file.suffix.lower() == ".mcap":
-        raise InputError(
-            f"{file}: is a log already, which all commands read; of a bag of ROS 2, give the folder with metadata.yaml"
-        )
-    file_format = next((file_format for file_format in FORMATS if file.suffix.lower() in file_format.suffixes), None)
-    return _RAW if file_format is None and rate is not None else file_format
+        return ROS
+    for magic, known in _MAGIC:
+        if start.startswith(magic):
+            return known
+    if start[:4] == b"RIFF" and start[8:12] == b"WAVE":
+        return RAW
+    if b"ping" in start[:80].replace(b"\0", b"").lower() and start[:2] == b"\0\0":
+        return PING360
+    if file.suffix.lower() == PING360.suffixes[0]:
+        from sonarhw.text.proposals import propose
+
+        return TEXT if propose(start, begins_whole=True).layout is not None else None
+    return _of_text(start)
 
 
-def is_bag(file_format: ImportFormat | None) -> bool:
-    """Return whether a format has topics."""
-    return file_format is _ROS
+def _of_text(start: bytes) -> ImportFormat | None:
+    """Return the format of text that is no text of a device; None for all other."""
+    lines = start.decode("utf-8", "replace").splitlines()
+    if any(line.split()[:1] == ["SONAR"] for line in lines):
+        return CARMEN
+    return PLAYER if any(map(_is_player_line, lines)) else None
 
 
-def is_raw(file_format: ImportFormat | None) -> bool:
-    """Return whether a format is an array of samples, without angles."""
-    return file_format is _RAW
+def _is_player_line(line: str) -> bool:
+    words = line.split()
+    return line.startswith("## Player version") or (len(words) > 7 and words[3] == "sonar")
+
+
+def _of_mcap(file: Path, start: bytes) -> ImportFormat:
+    """Return the format of an MCAP file by the encoding of its messages. Raises InputError for a log."""
+    if b"sonarhw" in start[:200] or len(start) < 20:
+        raise InputError(f"{file}: is a log already, which all commands read")
+    if b"ros2" in start[8:64] or b"ros1" in start[8:64] or b"cdr" in start:
+        return ROS
+    return JSON_MCAP
 
 
 def formats_text() -> str:
     """Return the formats and their suffixes as a list in one sentence."""
-    return "; ".join(f"{file_format.title} ({', '.join(file_format.suffixes)})" for file_format in FORMATS)
+    listed = ((known.title, ", ".join(known.suffixes)) for known in FORMATS)
+    return "; ".join(f"{title} ({suffixes})" if suffixes else title for title, suffixes in listed)

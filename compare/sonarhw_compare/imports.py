@@ -1,65 +1,140 @@
-"""Scans of other programs as logs: CARMEN, Ping360, ROS bags, raw traces and mean ranges."""
+"""Scans of other programs in text and in sensor logs: text of devices, CARMEN, Player and Ping360.
+
+`read_scan` reads any file of another program.
+"""
 
 import math
-import os
 import re
 import struct
 import warnings
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from importlib.util import find_spec
-from itertools import islice, pairwise
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
-from typing import Any, BinaryIO, TypeVar
+from typing import BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sonarhw.errors import InputError, MissingExtra, SonarError
+from sonarhw.errors import InputError, counted
 from sonarhw.files import open_input
+from sonarhw.plugins.device_plugin import Measurement
+from sonarhw.plugins.sweep_tracker import SweepTracker
 from sonarhw.readings import BoolArray, FloatArray, Reading, Trace
-from sonarhw_compare.foreign_csv import (
-    MOST_READINGS,
-    MOST_SAMPLES,
-    ForeignRow,
-    Meaning,
-    opened,
-    readings_of,
-    short_lines,
-)
-from sonarhw_compare.processes import Unfinished, call_apart
+from sonarhw.text.decoder import make_decoder
+from sonarhw.text.layouts import Layout, Printed
+from sonarhw.text.proposals import LayoutProposal, UnitChoice, propose
+from sonarhw_compare.foreign_bags import json_messages
+from sonarhw_compare.foreign_csv import MOST_READINGS, ForeignRow, Meaning, opened, readings_of, short_lines
+from sonarhw_compare.import_formats import JSON_MCAP, TEXT, import_format
 
-# Parsers that are not ours read a file in a process of its own: a damaged file can crash them, or let them compute
-# without end.
+# Text as devices print it, in files: serial monitors, captures, CSV, JSON.
+#
+# The decoder is that of `lines:` URLs, so the same bytes give the same readings from a port and from a file.
 
 
-_MOST_OPENED = 100_000_000_000  # bytes of a file; a bag may contain pictures
-_PARSED_WITHIN = 30.0  # s
-_SLOWEST = 5e6  # bytes/s beyond that
-T = TypeVar("T")
+_MOST_TEXT = 200 * 2**20  # bytes of a file
 
 
-def _apart(parse: Callable[..., T], file: Path, expected: str, *arguments: object) -> T:
-    """Return `parse(file, *arguments)` from a process of its own. `file` may be a folder. Raises InputError."""
+@dataclass(frozen=True)
+class TextScan:
+    """The readings in a text, and how they were read."""
+
+    readings: list[Reading]
+    notes: tuple[str, ...]  # units and columns, with the evidence; what was left out
+
+
+def read_text_scan(file: Path, meaning: Meaning, layout: Layout | None = None, known: Layout | None = None) -> TextScan:
+    """Return the readings of a text file, at least one.
+
+    Without a `layout` one is proposed; `known` are the units and the step that the user states. Raises InputError with
+    the question that decides if something is doubtful.
+    """
+    return text_scan(str(file), _content(file), meaning, layout, known)
+
+
+def text_scan(
+    where: str, data: bytes, meaning: Meaning, layout: Layout | None = None, known: Layout | None = None
+) -> TextScan:
+    """Return the readings of a text, as `read_text_scan`."""
+    proposal = LayoutProposal() if layout else propose(data, begins_whole=True, known=known)
+    if layout is None:
+        layout = _decided(where, proposal)
+        meaning = replace(meaning, sign=-meaning.sign) if proposal.clockwise else meaning
+    decoder = make_decoder(layout, begins_whole=True)
+    unit = UnitChoice(layout.units)
     try:
-        size = sum(_size(part) for part in (sorted(file.iterdir()) if file.is_dir() else [file]))
-        return call_apart(parse, file, *arguments, within=_PARSED_WITHIN + size / _SLOWEST)
-    except SonarError:
-        raise
+        printed = [*decoder.feed(data), *decoder.end()]
+        decided = [one for _, one in unit.add([(0.0, one) for one in printed], last=True)]
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
+    finally:
+        decoder.close()
+    rows, dropped = _text_rows(decided, layout)
+    readings = readings_of(where, rows, meaning)
+    if not readings:
+        raise InputError(
+            f"{where}: no readings; no line is like {layout.example!r}; leave out the layout, then one is proposed"
+        )
+    read_as = f"read as {layout.preset or repr(layout.pattern)}"
+    ignored = ", ".join(f"{kind} ({count})" for kind, count in decoder.ignored.items() if count)
+    encoding = "" if decoder.encoding in ("utf-8", "binary") else f"text in {decoder.encoding}"
+    far = f"angles far from their neighbours ({dropped})" if dropped else ""
+    left_out = ", ".join(filter(None, (ignored, far)))
+    facts = (read_as, *proposal.evidence, *unit.notes, encoding, f"ignored: {left_out}" if left_out else "")
+    return TextScan(readings, tuple(filter(None, facts)))
+
+
+def _content(file: Path) -> bytes:
+    try:
+        with open_input(file, _MOST_TEXT) as opened_file:
+            data = opened_file.read(_MOST_TEXT)
+    except FileNotFoundError as error:
+        raise InputError(f"{file}: no such file; give the name of a scan") from error
     except OSError as error:
-        raise InputError(f"{file}: cannot be read: {error.strerror or error}; expected {expected}") from error
-    except Unfinished as error:
-        raise InputError(f"{file}: is not {expected}: it {error}; the file is probably damaged") from error
-    except Exception as error:  # parsers raise anything for damaged files
-        # without the advice of later sentences
-        first = str(error).partition("\n")[0].partition(". ")[0] or type(error).__name__
-        raise InputError(f"{file}: is not {expected}: {first}") from error
+        raise InputError(f"{file}: cannot be read: {error.strerror}; expected text") from error
+    except ValueError as error:  # a NUL in the name
+        raise InputError(f"{file}: {error}") from error
+    if not data.strip():
+        raise InputError(f"{file}: the file is empty; expected one reading per line")
+    return data
 
 
-def _size(file: Path) -> int:
-    """Return the size of a regular file, bytes. Raises OSError for what is none."""
-    with open_input(file, _MOST_OPENED) as opened_file:
-        return os.fstat(opened_file.fileno()).st_size
+def _decided(where: str, proposal: LayoutProposal) -> Layout:
+    """Return the layout of a proposal. Raises InputError with what is undecided."""
+    if proposal.layout is not None and not proposal.questions:
+        return proposal.layout
+    if proposal.questions:
+        raise InputError(f"{where}: {'; '.join(proposal.questions)}")
+    example = f", such as {proposal.example!r}" if proposal.example else ""
+    raise InputError(
+        f"{where}: no readings were recognised in the text{example}; give a pattern, the names of the columns, or the "
+        "format; `sonarhw import --help` lists them"
+    )
+
+
+def _text_rows(printed: list[Printed], layout: Layout) -> tuple[list[ForeignRow], int]:
+    """Return the rows in sweeps, and the number of readings with an angle far from both neighbours."""
+    tracker = SweepTracker(begins_whole=True)
+    placed, steps = [], 0
+    for one in printed[: MOST_READINGS + 1]:
+        heading = one.heading
+        if heading is None:
+            heading = steps * (layout.step or 0.0) % 360
+            steps += 1
+        placed += tracker.add(Measurement(math.radians(heading), one.ranges, restarted=one.restarted))
+    placed += tracker.flush()
+    rows = [
+        ForeignRow(
+            f"reading {number + 1}",
+            math.degrees(item.measurement.angle),
+            item.measurement.ranges[0] if item.measurement.ranges else None,
+            None,
+            item.sweep,
+            more=item.measurement.ranges[1:],
+        )
+        for number, item in enumerate(placed)
+    ]
+    return rows, tracker.dropped
 
 
 # Sonar readings of CARMEN logs, as `carmen_logwrite_write_base_sonar` of CARMEN's logger writes them.
@@ -136,6 +211,62 @@ def _numbers(file: Path, where: str, words: list[str], count: int) -> list[float
     return values
 
 
+# Sonar of Player's `writelog` driver: the poses of the sensors, then their ranges.
+#
+#     time host robot sonar index type subtype count ...
+#
+# A pose is x y z roll pitch yaw.
+
+
+_OF_POSE = 6  # numbers
+_PLAYER_RANGES = ("001", "001")  # type and subtype: data
+_PLAYER_POSES = (("004", "001"), ("001", "002"))  # the answer to a request, or data
+
+
+def read_player_log(file: Path, meaning: Meaning) -> list[Reading]:
+    """Return the sonar readings of a log of Player, at least one. Raises InputError with the line."""
+    readings = readings_of(str(file), _player_rows(file, meaning), meaning)
+    if not readings:
+        raise InputError(f"{file}: has no sonar ranges; expected a log of Player with the interface sonar")
+    return readings
+
+
+def _player_rows(file: Path, meaning: Meaning) -> Iterator[ForeignRow]:
+    yaws: dict[str, list[float]] = {}
+    sweep = 0
+    began: float | None = None
+    with opened(file, "a log of Player") as text:
+        for number, line in enumerate(short_lines(file, text, "a log of Player"), 1):
+            words, where = line.split(), f"line {number}"
+            if line.startswith("#") or len(words) < 8 or words[3] != "sonar":
+                continue
+            index, kind, count = words[4], (words[5], words[6]), _count(file, where, words[7])
+            if kind in _PLAYER_POSES:
+                poses = _numbers(file, where, words[8:], _OF_POSE * count)
+                yaws[index] = [math.degrees(yaw) for yaw in poses[5::_OF_POSE]]
+            elif kind == _PLAYER_RANGES:
+                ranges = _numbers(file, where, words[8:], count)
+                (time,) = _numbers(file, where, words[:1], 1)
+                began = time if began is None else began
+                if len(yaws.get(index, ())) != count:
+                    if not meaning.step:
+                        raise InputError(
+                            f"{file}, {where}: {count} ranges without the directions of the sensors (type 004); add "
+                            "step=DEGREES, the angle from one sensor to the next"
+                        )
+                    yaws[index] = [k * meaning.step for k in range(count)]
+                for yaw, distance in zip(yaws[index], ranges, strict=True):
+                    silent = distance <= 0 or distance == meaning.no_echo
+                    yield ForeignRow(where, yaw, None if silent else distance, time - began, sweep)
+                sweep += 1
+
+
+def _count(file: Path, where: str, word: str) -> int:
+    if not _COUNT.fullmatch(word):
+        raise InputError(f"{file}, {where}: {word!r}; expected the number of sonars")
+    return int(word)
+
+
 # Profiles of a Ping360 in the sensor logs (`.bin`) of Ping Viewer.
 #
 # Ping Viewer writes big-endian: a header (its `src/link/logsensorstruct.cpp`), then pairs of texts and arrays, each
@@ -152,38 +283,114 @@ _DEGREES = 0.9  # of one gradian
 _START = b"BR"
 _FRAME = struct.Struct("<2sHHBB")  # start, length of the payload, message, sender, receiver
 _PROFILES = {2300: struct.Struct("<BBHHHHHH"), 2301: struct.Struct("<BBHHHHHHBBHH")}
-_TIME = re.compile(r"(\d\d):(\d\d):(\d\d)\.(\d{3})", re.ASCII)
+_TIME = re.compile(r"(\d\d).(\d\d).(\d\d).(\d{3})")  # digits of any script; 12 hours have a word behind
 
 
 def read_ping360_log(file: Path, meaning: Meaning) -> list[Reading]:
     """Return the profiles of a log as traces, at least one. Raises InputError.
 
-    A log that ends within a profile gives those before.
+    Warns about damaged messages, which are left out. A log that ends within a profile gives those before.
     """
+    skipped: list[str] = []
     try:
-        with open_input(file, _MOST_OPENED) as data:
-            readings = readings_of(str(file), _ping360_rows(file, data), meaning)
+        with open_input(file, _MOST_LOG) as data:
+            readings = readings_of(str(file), _ping360_rows(file, data, skipped), meaning)
     except OSError as error:
         raise InputError(f"{file}: cannot be read: {error.strerror}; expected a log of Ping Viewer") from error
     if not readings:
-        raise InputError(f"{file}: has no profile of a Ping360; expected a log of Ping Viewer with one")
+        why = f"; {skipped[0]}" if skipped else ""
+        raise InputError(f"{file}: has no profile of a Ping360; expected a log of Ping Viewer with one{why}")
+    if skipped:
+        found = counted(len(skipped), "damaged message")
+        warnings.warn(f"{file}: {found} left out, of {len(readings) + len(skipped)}; {skipped[0]}", stacklevel=2)
     return readings
 
 
-def _ping360_rows(file: Path, data: BinaryIO) -> Iterator[ForeignRow]:
+def _ping360_rows(file: Path, data: BinaryIO, skipped: list[str]) -> Iterator[ForeignRow]:
     _check_header(file, data)
-    before, days, number = 0.0, 0.0, 0
-    while (text := _array(file, data)) is not None and (frame := _array(file, data)) is not None:
-        number += 1
+    clock = _Clock()
+    for number, (text, frame) in enumerate(_messages(data, skipped), 1):
         where = f"message {number}"
-        seconds = _seconds(file, where, text)
-        # a log over midnight begins again at 0
-        days += _DAY if seconds < before - _DAY / 2 else 0.0
-        before = seconds
-        profile = _profile(file, where, frame)
+        seconds = clock.seconds(text)
+        if seconds is None:
+            skipped.append(f"{where}: has no time hh:mm:ss.zzz")
+            continue
+        try:
+            profile = _profile(where, frame)
+        except ValueError as error:
+            skipped.append(str(error))
+            continue
         if profile is not None:
             gradians, trace = profile
-            yield ForeignRow(where, _DEGREES * gradians, None, seconds + days, trace=trace)
+            yield ForeignRow(where, _DEGREES * gradians, None, seconds, trace=trace)
+
+
+_NEXT = re.compile(rb"\0\0\0(?:\x0c(?=.{12}\0)|\x18(?=.{24}\0))", re.DOTALL)  # length of a time, before another length
+_MOST_LOG = 2**30  # bytes
+
+
+def _messages(data: BinaryIO, skipped: list[str]) -> Iterator[tuple[bytes, bytes]]:
+    """Yield the time and the frame of each message. After damage, reading continues at the next time."""
+    content = data.read(_MOST_LOG)
+    offset = 0
+    while offset < len(content):
+        text, middle = _sized(content, offset)
+        frame, end = (None, offset) if text is None else _sized(content, middle)
+        again = None
+        if text is None or frame is None or not _is_whole(frame):
+            again = _next_message(content, offset + 1, end)  # a wrong length may cover the following messages
+        if text is not None and frame is not None and again is None:
+            yield text, frame
+            offset = end
+            continue
+        again = again or _next_message(content, offset + 1, len(content))
+        what = f"bytes {offset} to {again or len(content)} of the messages"
+        skipped.append(f"{what} are damaged" if again is not None else f"{what}: the log ends in a message")
+        offset = len(content) if again is None else again
+
+
+def _is_whole(frame: bytes) -> bool:
+    checksum = int.from_bytes(frame[-2:], "little")
+    return frame.startswith(_START) and checksum == sum(frame[:-2]) & 0xFFFF
+
+
+def _next_message(content: bytes, start: int, stop: int) -> int | None:
+    found = (match.start() for match in _NEXT.finditer(content, start, min(stop + 30, len(content))))
+    return next((offset for offset in found if offset < stop and _begins(content, offset)), None)
+
+
+def _sized(content: bytes, offset: int) -> tuple[bytes | None, int]:
+    """Return the bytes after their length, and the end; None if there are fewer or too many."""
+    count = int.from_bytes(content[offset : offset + 4], "big")
+    end = offset + 4 + count
+    return (content[offset + 4 : end], end) if count <= _MOST_BYTES and end <= len(content) else (None, offset)
+
+
+def _has_time(text: bytes) -> bool:
+    return bool(_TIME.match(_decoded(text)))
+
+
+def _begins(content: bytes, offset: int) -> bool:
+    text, middle = _sized(content, offset)
+    return text is not None and _has_time(text) and _sized(content, middle)[0] is not None
+
+
+class _Clock:
+    """The time of messages, which begins again at 0 after midnight."""
+
+    def __init__(self) -> None:
+        self._before, self._days = 0.0, 0.0
+
+    def seconds(self, text: bytes) -> float | None:
+        """Return the time of a message, s; None without one."""
+        found = _TIME.match(_decoded(text))
+        if found is None:
+            return None
+        hours, minutes, seconds, milliseconds = (int(digits) for digits in found.groups())
+        now = 3600.0 * hours + 60.0 * minutes + seconds + milliseconds / 1000
+        self._days += _DAY if now + self._days < self._before - _DAY / 2 else 0.0
+        self._before = max(self._before, now + self._days)  # the clock may be set back a little
+        return self._before
 
 
 def _check_header(file: Path, data: BinaryIO) -> None:
@@ -212,225 +419,63 @@ def _array(file: Path, data: BinaryIO) -> bytes | None:
 
 
 def _decoded(text: bytes) -> str:
-    """Return a text in UTF-16 or UTF-8; other characters than those of ASCII are replaced."""
-    return text.replace(b"\0", b"").decode("ascii", "replace")
+    """Return a text in UTF-16 or UTF-8; damaged characters are replaced."""
+    wide = len(text) % 2 == 0 and (b"\0" in text or not text.isascii())
+    return text.decode("utf-16-be" if wide else "utf-8", "replace")
 
 
-def _seconds(file: Path, where: str, text: bytes) -> float:
-    match = _TIME.fullmatch(_decoded(text))
-    if match is None:
-        raise InputError(f"{file}, {where}: has no time hh:mm:ss.zzz; expected a log of Ping Viewer")
-    hours, minutes, seconds, milliseconds = map(int, match.groups())
-    return 3600.0 * hours + 60.0 * minutes + seconds + milliseconds / 1000
-
-
-def _profile(file: Path, where: str, frame: bytes) -> tuple[int, Trace] | None:
-    """Return angle (gradians) and trace of a message; None for another message. Raises InputError if it is damaged."""
+def _profile(where: str, frame: bytes) -> tuple[int, Trace] | None:
+    """Return angle (gradians) and trace of a message; None for another message. Raises ValueError if it is damaged."""
     if len(frame) < _FRAME.size + 2:
-        raise InputError(f"{file}, {where}: {len(frame)} bytes; expected a message of the Ping protocol")
+        raise ValueError(f"{where}: {len(frame)} bytes; expected a message of the Ping protocol")
     start, length, message, _, _ = _FRAME.unpack_from(frame)
     payload, checksum = frame[_FRAME.size : -2], int.from_bytes(frame[-2:], "little")
     if start != _START or length != len(payload) or checksum != sum(frame[:-2]) & 0xFFFF:
-        raise InputError(f"{file}, {where}: start, length or checksum is wrong; the log is damaged")
+        raise ValueError(f"{where}: start, length or checksum is wrong")
     if message not in _PROFILES:
         return None
     layout = _PROFILES[message]
     if len(payload) < layout.size:
-        raise InputError(f"{file}, {where}: a profile of {len(payload)} bytes; expected at least {layout.size}")
+        raise ValueError(f"{where}: a profile of {len(payload)} bytes; expected at least {layout.size}")
     fields = layout.unpack_from(payload)
     samples = np.frombuffer(payload[layout.size :], np.uint8) / 255.0
     period = fields[4] * _TICK
     if not period or len(samples) != fields[-1] or not len(samples):
-        raise InputError(f"{file}, {where}: a profile of {len(samples)} samples, expected {fields[-1]} and a period")
+        raise ValueError(f"{where}: a profile of {len(samples)} samples, expected {fields[-1]} and a period")
     return fields[2], Trace(samples, 1.0 / period, 0.0)
 
 
-# Traces from arrays of samples: WAV, NPY, MAT and text.
-#
-# Each row of a table, or each channel of a WAV file, is the received signal of one ping, from the start of
-# transmission on. The full scale of integers is that of their type; floats are shares of full scale, from −1 to 1.
+# Any file of another program.
 
 
-LONGEST_TRACE = 0xFFFF  # samples of a trace in a log
-_LONGEST_NUMBER = 26  # characters with its comma, as numpy.savetxt writes it
-SLOWEST, FASTEST = 1e3, 1e7  # Hz
-_WHAT = "an array of samples"
+@dataclass(frozen=True)
+class ImportedScan:
+    """The readings of a file of another program."""
+
+    readings: list[Reading]
+    notes: tuple[str, ...]  # how the file was read
 
 
-def read_raw_traces(file: Path, meaning: Meaning) -> list[Reading]:
-    """Return one reading for each trace, `meaning.step` degrees apart. Raises InputError."""
-    table, rate = _samples(file, meaning.rate)
-    if rate is None or not SLOWEST <= rate <= FASTEST:
-        raise InputError(f"{file}: a sampling rate of {rate} Hz; expected {SLOWEST:g} to {FASTEST:g} Hz")
-    samples = _scaled(file, np.atleast_2d(table))
-    count = samples.shape[1]
-    if not 2 <= count <= LONGEST_TRACE:
-        raise InputError(f"{file}: traces of {count} samples; expected 2 to {LONGEST_TRACE}; one row is one ping")
-    return readings_of(str(file), _trace_rows(samples, rate, meaning.step), meaning)
+def read_scan(
+    file: Path,
+    meaning: Meaning | None = None,
+    layout: Layout | None = None,
+    known: Layout | None = None,
+    name: str = "",
+) -> ImportedScan:
+    """Return the readings of a file of another program, at least one. Its content selects the format, else `name`.
 
-
-def _trace_rows(samples: FloatArray, rate: float, step: float) -> Iterator[ForeignRow]:
-    carrier = bool((samples < 0).any())
-    for number, trace in enumerate(samples):
-        yield ForeignRow(f"row {number + 1}", number * step, None, None, trace=Trace(trace, rate, 0.0, carrier))
-
-
-def _scaled(file: Path, table: NDArray[np.generic]) -> FloatArray:
-    """Return the samples as shares of full scale, (n, m). Raises InputError unless they are such shares."""
-    if table.ndim != 2 or table.dtype.kind not in "iuf":
-        raise InputError(
-            f"{file}: an array of shape {table.shape} and type {table.dtype}; expected numbers, one row for each ping"
-        )
-    samples = np.asarray(table, dtype=np.float64)
-    if table.dtype.kind != "f":
-        bits = 8 * table.dtype.itemsize - (table.dtype.kind == "i")
-        samples = samples / 2.0**bits
-    most = float(np.abs(samples).max(initial=0.0))
-    if not most <= 1:  # also NaN
-        raise InputError(f"{file}: a sample of {most:g}; expected shares of full scale, from -1 to 1")
-    return samples
-
-
-def _check_size(file: Path, count: float) -> None:
-    if count > MOST_SAMPLES:
-        raise InputError(f"{file}: {count:g} samples; expected at most {MOST_SAMPLES}; split it into several files")
-
-
-def _samples(file: Path, rate: float | None) -> tuple[NDArray[np.generic], float | None]:
-    """Return the array in a file, by its suffix, and the sampling rate, Hz: its own, or the given one."""
-    match file.suffix.lower():
-        case ".wav":
-            return _apart(_wav, file, "a WAV file")
-        case ".npy":
-            return _apart(_npy, file, "an array of NumPy (.npy)"), rate
-        case ".mat":
-            return _apart(_mat, file, "a MAT file"), rate
-        case _:
-            return _text(file), rate
-
-
-def _wav(file: Path) -> tuple[NDArray[np.generic], float]:
-    """Return the channels of a WAV file, (n, m), and its rate, Hz."""
-    from scipy.io import wavfile
-
-    _check_size(file, file.stat().st_size)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", wavfile.WavFileWarning)  # chunks that are not sound
-        rate, sound = wavfile.read(file)
-    if sound.dtype == np.uint8:  # eight bits have their zero at 128
-        sound = (sound.astype(np.int16) - 128).astype(np.int8)
-    return np.atleast_2d(sound.T), float(rate)
-
-
-def _npy(file: Path) -> NDArray[np.generic]:
-    table = np.load(file, mmap_mode="r", allow_pickle=False)
-    if not isinstance(table, np.ndarray):
-        raise InputError(f"{file}: is an archive of arrays (.npz); give one array (.npy)")
-    _check_size(file, table.size)
-    return np.array(table)
-
-
-def _mat(file: Path) -> NDArray[np.generic]:
-    """Return the only array of a MAT file that is longer than one number. Sizes are checked before it is loaded."""
-    from scipy.io import loadmat, whosmat
-
-    try:
-        sizes = {name: math.prod(shape) for name, shape, _ in whosmat(file)}
-        arrays = [name for name, size in sizes.items() if size > 1]
-        if len(arrays) != 1:
-            raise InputError(f"{file}: expected one array of samples, got {', '.join(arrays) or 'none'}")
-        _check_size(file, sizes[arrays[0]])
-        return np.asarray(loadmat(file, variable_names=arrays)[arrays[0]])
-    except NotImplementedError as error:
-        raise InputError(f"{file}: a MAT file of version 7.3; save it with `save -v7`") from error
-
-
-def _text(file: Path) -> NDArray[np.generic]:
-    """Return the numbers of a text file, one row a line, between commas, semicolons, tabs or spaces."""
-    lines: list[FloatArray] = []
-    with opened(file, _WHAT) as text:
-        for number, line in enumerate(short_lines(file, text, _WHAT, LONGEST_TRACE * _LONGEST_NUMBER), 1):
-            words = line.replace(",", " ").replace(";", " ").split()
-            if not words:
-                continue
-            try:
-                lines.append(np.array(words, dtype=np.float64))
-            except ValueError as error:
-                raise InputError(f"{file}, line {number}: {error}; expected samples between commas") from error
-            if len(lines[-1]) != len(lines[0]):
-                raise InputError(f"{file}, line {number}: {len(words)} samples; expected {len(lines[0])}, as above")
-            _check_size(file, len(lines) * len(lines[0]))
-    if not lines:
-        raise InputError(f"{file}: the file is empty; expected one row of samples for each ping")
-    # a column is one trace
-    return np.array(lines).T if lines[0].size == 1 else np.array(lines)
-
-
-# Scans in bags of ROS 1 and ROS 2: messages `sensor_msgs/Range` and `sensor_msgs/LaserScan`, read by rosbags.
-#
-# A LaserScan is one sweep, with an angle for each range. A Range has no angle: the topics are `meaning.step` degrees
-# apart, in the order of their names. By the definition of the messages, only ranges within their limits are echoes.
-
-
-_RANGE, _SCAN = "sensor_msgs/msg/Range", "sensor_msgs/msg/LaserScan"
-_MOST_BYTES_OF_BAG = 1_000_000  # of a message; a LaserScan of 100 000 ranges has half of this
-
-
-def read_ros_bag(bag: Path, meaning: Meaning) -> list[Reading]:
-    """Return the readings of a bag, at least one: a file of ROS 1, or the folder of ROS 2. Raises InputError.
-
-    Raises MissingExtra if rosbags is not installed.
+    Text is read as `read_text_scan` does. Raises InputError; warns about damaged parts.
     """
-    if find_spec("rosbags") is None:
-        raise MissingExtra("ROS bags need rosbags", "ros")
-    readings = readings_of(str(bag), iter(_apart(_rows_of_bag, bag, "a complete ROS bag", meaning)), meaning)
-    if not readings:
-        raise InputError(f"{bag}: has no message of sensor_msgs/Range or LaserScan")
-    return readings
-
-
-def _rows_of_bag(bag: Path, meaning: Meaning) -> list[ForeignRow]:
-    from rosbags.highlevel import AnyReader
-    from rosbags.typesys import Stores, get_typestore
-
-    # bags of ROS 2 may contain no definitions; those of these two messages are the same in all versions
-    with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
-        return [*islice(_bag_rows(bag, reader, meaning), MOST_READINGS + 1)]
-
-
-def _bag_rows(bag: Path, reader: Any, meaning: Meaning) -> Iterator[ForeignRow]:
-    connections = [one for one in reader.connections if one.msgtype in (_RANGE, _SCAN)]
-    topics = sorted({one.topic for one in connections})
-    if meaning.topic is not None and meaning.topic not in topics:
-        raise InputError(f"{bag}: no topic {meaning.topic!r}; topics with ranges: {', '.join(topics) or 'none'}")
-    chosen = [one for one in connections if meaning.topic in (None, one.topic)]
-    if not chosen:
-        return
-    first: int | None = None
-    for number, (connection, time, content) in enumerate(reader.messages(connections=chosen)):
-        where = f"message {number + 1} of the topics with ranges"
-        if len(content) > _MOST_BYTES_OF_BAG:
-            raise InputError(f"{bag}, {where}: {len(content)} bytes; expected at most {_MOST_BYTES_OF_BAG}")
-        message = reader.deserialize(content, connection.msgtype)
-        first = time if first is None else first
-        seconds = (time - first) * 1e-9
-        if connection.msgtype == _RANGE:
-            heading = topics.index(connection.topic) * meaning.step
-            yield ForeignRow(where, heading, _echo(message.range, message.min_range, message.max_range), seconds)
-            continue
-        step = math.degrees(message.angle_increment)
-        start = math.degrees(message.angle_min)
-        if not (math.isfinite(start) and math.isfinite(step)):
-            raise InputError(f"{bag}, {where}: an angle is not finite")
-        for k, distance in enumerate(message.ranges.tolist()):
-            echo = _echo(distance, message.range_min, message.range_max)
-            yield ForeignRow(where, start + k * step, echo, seconds, number)
-
-
-def _echo(distance: float, least: float, most: float) -> float | None:
-    """Return a range, or None if it is outside the limits that its message states."""
-    inside = math.isfinite(distance) and max(least, 0.0) <= distance <= most
-    return distance if inside else None
+    meaning = meaning or Meaning()
+    chosen = import_format(file, meaning.rate, name)
+    if chosen is TEXT:
+        scan = read_text_scan(file, meaning, layout, known)
+        return ImportedScan(scan.readings, scan.notes)
+    if chosen is JSON_MCAP:
+        scan = text_scan(str(file), json_messages(file), meaning, layout, known)
+        return ImportedScan(scan.readings, scan.notes)
+    return ImportedScan(chosen.read(file, meaning), (f"read as {chosen.title}",))
 
 
 # Ranges that are means of several pings, with no echo as a number, as some programs record them.

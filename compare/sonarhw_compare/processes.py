@@ -14,12 +14,14 @@ import traceback
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from contextlib import AbstractContextManager
+from pathlib import Path
 from queue import SimpleQueue
 from typing import Any, BinaryIO, TypeVar, cast
 
 from sonarhw_sim.compiled import core_count, use_one_thread
 
-from sonarhw.errors import WorkersLost
+from sonarhw.errors import InputError, SonarError, WorkersLost
+from sonarhw.files import open_input
 
 # of numeric libraries, so that each process uses one core
 _ONE_THREAD = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
@@ -188,6 +190,38 @@ def _call_in_limits(kept: None, function: Callable[..., T], arguments: tuple[Any
         resource.setrlimit(resource.RLIMIT_AS, (limit, most))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     return function(*arguments)
+
+
+# Parsers that are not ours read a file in a process of its own: a damaged file can crash them, or let them compute
+# without end.
+
+
+_MOST_OPENED = 100_000_000_000  # bytes of a file; a bag may contain pictures
+_PARSED_WITHIN = 30.0  # s
+_SLOWEST = 5e6  # bytes/s beyond that
+
+
+def parse_apart(parse: Callable[..., T], file: Path, expected: str, *arguments: object) -> T:
+    """Return `parse(file, *arguments)` from a process of its own. `file` may be a folder. Raises InputError."""
+    try:
+        size = sum(_size(part) for part in (sorted(file.iterdir()) if file.is_dir() else [file]))
+        return call_apart(parse, file, *arguments, within=_PARSED_WITHIN + size / _SLOWEST)
+    except SonarError:
+        raise
+    except OSError as error:
+        raise InputError(f"{file}: cannot be read: {error.strerror or error}; expected {expected}") from error
+    except Unfinished as error:
+        raise InputError(f"{file}: is not {expected}: it {error}; the file is probably damaged") from error
+    except Exception as error:  # parsers raise anything for damaged files
+        # without the advice of later sentences
+        first = str(error).partition("\n")[0].partition(". ")[0] or type(error).__name__
+        raise InputError(f"{file}: is not {expected}: {first}") from error
+
+
+def _size(file: Path) -> int:
+    """Return the size of a regular file, bytes. Raises OSError for what is none."""
+    with open_input(file, _MOST_OPENED) as opened_file:
+        return os.fstat(opened_file.fileno()).st_size
 
 
 class LateProcesses(AbstractContextManager["LateProcesses"]):

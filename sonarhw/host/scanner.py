@@ -501,6 +501,11 @@ class Scanner:
         return self._plugin.statistics(counted) if self._plugin else counted
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """What a device that does not speak the protocol assumes about its measurements, such as their unit."""
+        return self._plugin.notes if self._plugin else ()
+
+    @property
     def ignored(self) -> dict[str, int]:
         """How much that a plug-in received was no reading of the last scan, by kind, without zeros."""
         return self._plugin.ignored if self._plugin else {}

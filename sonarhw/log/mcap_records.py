@@ -10,7 +10,7 @@ import struct
 import threading
 import weakref
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -96,8 +96,16 @@ def is_mcap(file: OpenFile) -> bool:
     return chunk is not None
 
 
-def read_records(file: OpenFile, start: int = len(MCAP0_MAGIC)) -> Iterator[Record | McapMessage | Damage]:
-    """Yield every readable record and message from offset `start`, and the damage between them. Raises OSError."""
+Unpack = Callable[[str, bytes, int], bytes]  # method, compressed bytes, size: bytes of a chunk; raises ValueError
+
+
+def read_records(
+    file: OpenFile, start: int = len(MCAP0_MAGIC), *, unpack: Unpack | None = None
+) -> Iterator[Record | McapMessage | Damage]:
+    """Yield every readable record and message from offset `start`, and the damage between them. Raises OSError.
+
+    Without `unpack`, compressed chunks are damage.
+    """
     if start == len(MCAP0_MAGIC) and file.read(0, start) != MCAP0_MAGIC:
         yield Damage("its first bytes are not those of an MCAP file")
     offset = read_until = start  # all readable chunks before `read_until` have been yielded
@@ -121,7 +129,7 @@ def read_records(file: OpenFile, start: int = len(MCAP0_MAGIC)) -> Iterator[Reco
             break
         if record.opcode != Opcode.CHUNK:
             yield record
-        elif isinstance(inside := _unpacked(record), Damage):
+        elif isinstance(inside := _unpacked(record, unpack), Damage):
             yield inside
             # its length may be damaged too, so that undamaged chunks would be skipped
             again = None if last else _next_chunk(file, offset + 1)
@@ -157,7 +165,7 @@ def _too_large(file: OpenFile, offset: int) -> str | None:
     return f"the record that begins at byte {offset} has {length} bytes; at most {_MOST} bytes are read"
 
 
-def _unpacked(chunk: Record) -> Iterator[Record | McapMessage] | Damage:
+def _unpacked(chunk: Record, unpack: Unpack | None = None) -> Iterator[Record | McapMessage] | Damage:
     """Return the contents of a chunk, or the damage that makes them unreadable."""
 
     def left_out(why: str) -> Damage:
@@ -166,11 +174,18 @@ def _unpacked(chunk: Record) -> Iterator[Record | McapMessage] | Damage:
     if len(chunk.content) < _CHUNK.size:
         return left_out("it is damaged")
     _, _, size, crc, name, stored = _CHUNK.unpack_from(chunk.content)
-    if chunk.content[_NAME_AT : _NAME_AT + name] in (b"lz4", b"zstd"):
+    method = chunk.content[_NAME_AT : _NAME_AT + name]
+    if method in (b"lz4", b"zstd") and unpack is None:
         return left_out("it is compressed, but logs of sonarhw are not")
-    if name or not size == stored == len(chunk.content) - _CHUNK.size:
+    if name and unpack is not None:
+        try:
+            data = unpack(method.decode("ascii", "replace"), chunk.content[_CHUNK.size + name :], size)
+        except ValueError as error:
+            return left_out(str(error))
+    elif name or not size == stored == len(chunk.content) - _CHUNK.size:
         return left_out("it is damaged")
-    data = chunk.content[_CHUNK.size :]
+    else:
+        data = chunk.content[_CHUNK.size :]
     if crc and zlib.crc32(data) != crc:
         return left_out("its CRC-32 does not match")
     if not _is_filled(data):

@@ -133,6 +133,11 @@ class DevicePlugin(ABC):
         return {}
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """What was assumed about the measurements, such as a unit, in sentences."""
+        return ()
+
+    @property
     def diagnosis(self) -> str:
         """Clause for the error if no measurement arrives: what arrived instead, and what to do."""
         return "check that the device is powered and sends measurements"
@@ -228,6 +233,12 @@ class CheckedPlugin:
         except SonarError as error:  # the readings are whole without these counts
             counts[f"unknown ({error})"] = 1
         return counts
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was assumed about the measurements."""
+        with self._guarded():
+            return tuple(map(str, self._plugin.notes))
 
     def no_reading(self, when: str) -> NoAnswer:
         """Return the error for a device that sends no measurement, with what arrived instead."""

@@ -254,6 +254,11 @@ class PluginLink:
         return self._device.failure
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """What was assumed about the measurements."""
+        return self._plugin.notes
+
+    @property
     def ignored(self) -> dict[str, int]:
         """How much of the received data was no reading of the newest scan, by kind, without zeros."""
         counts, tracker = self._plugin.ignored, self._device.tracker

@@ -38,7 +38,8 @@ _Break = Literal["turn", "jump", "full", "restart", "gap"]
 class SweepTracker:
     """Divides a scan into sweeps. It is `done` after as many whole ones as `want` states."""
 
-    def __init__(self) -> None:
+    def __init__(self, begins_whole: bool = False) -> None:
+        """`begins_whole`: the first sweep is kept, as of a file."""
         self.left_out = 0  # measurements before the first whole sweep
         self.dropped = 0  # measurements with an angle far from both its neighbours
         self.restarts = 0
@@ -55,7 +56,7 @@ class SweepTracker:
         self._span_before = math.nan  # of the sweep before
         # of the present sweep
         self._first = 0.0
-        self._at_boundary = False
+        self._at_boundary = begins_whole
         self._direction = 0.0  # 1: counter-clockwise, -1: clockwise, 0: unknown
         self._travel = 0.0
         self._wrapped = False  # whether the angle has passed from 360° to 0° or back

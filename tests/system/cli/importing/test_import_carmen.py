@@ -48,7 +48,7 @@ def test_a_moving_robot_gives_a_warning(tmp_path: Path, capsys: pytest.CaptureFi
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "has no SONAR line"),
+        ("", "the file is empty"),
         ("SONAR 0.5\n", "line 1: expected the cone angle and the number of sonars"),
         ("SONAR 0.5 2 1.0 1.0 0 0 0 0 0 0 1.0 host\n", "line 1: has 12 fields after SONAR; expected 13 for 2 sonars"),
         ("SONAR 0.5 1 x 0 0 0 1.0 host 1.0\n", "line 1: could not convert string to float: 'x'; expected numbers"),
@@ -56,7 +56,7 @@ def test_a_moving_robot_gives_a_warning(tmp_path: Path, capsys: pytest.CaptureFi
         ("SONAR 0.5 1 -1 0 0 0 1.0 host 1.0\n", "line 1: range -1; expected 0 or more"),
         ("SONAR 0.5 999999999999 1 0 0 0 1.0 host 1.0\n", "line 1: expected the cone angle and the number of sonars"),
         ("SONAR " + "1 " * 40000, "line 1: has more than 65536 characters; expected a CARMEN log"),
-        ("a\0\n", "has no SONAR line"),
+        ("a\0\n", "no readings were recognised in the text"),
     ],
 )
 def test_a_wrong_carmen_log_is_refused_in_one_line(

@@ -272,7 +272,19 @@ def test_empty_fields_at_the_end_of_a_line_and_a_byte_order_mark_are_harmless(tm
     assert [reading.range for reading in readings] == pytest.approx([1.5, 2], abs=2e-7)
 
 
-@pytest.mark.parametrize("kind", ["a pipe", "a device", "UTF-16"])
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-8-sig", "latin-1"])
+def test_other_encodings_are_read(tmp_path: Path, encoding: str) -> None:
+    (tmp_path / "in.csv").write_bytes("Winkel °,Abstand (cm)\r\n0,150\r\n5,\r\n10,90\r\n".encode(encoding))
+    command = ["import", str(tmp_path / "in.csv"), "--out", str(tmp_path / "out.mcap"), "--scale", "0.01"]
+    assert run([*command, "--heading", "Winkel °", "--range", "Abstand (cm)"]) == 0
+    assert [reading.range for reading in read_log(tmp_path / "out.mcap").readings] == [
+        pytest.approx(1.5, abs=2e-7),
+        None,
+        pytest.approx(0.9, abs=2e-7),
+    ]
+
+
+@pytest.mark.parametrize("kind", ["a pipe", "a device", "bytes"])
 def test_what_is_not_a_text_file_is_refused_at_once(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], kind: str
 ) -> None:
@@ -282,10 +294,10 @@ def test_what_is_not_a_text_file_is_refused_at_once(
             os.mkfifo(path)
         case "a device":
             path.symlink_to("/dev/zero")
-        case "UTF-16":
-            path.write_text("deg,cm\n0,1\n", encoding="utf-16")
+        case "bytes":
+            path.write_bytes(b"\xff\xfe\xff\xfe\x01" * 20)
     assert run(["import", str(path), "--out", str(tmp_path / "out.mcap"), *COLUMNS]) == 2
-    expected = "expected a CSV file in UTF-8" if kind == "UTF-16" else "not a file; expected a CSV file"
+    expected = "expected a CSV file in UTF-8" if kind == "bytes" else "not a file; expected a CSV file"
     assert expected in capsys.readouterr().err
 
 

@@ -17,6 +17,7 @@ from sonarhw.errors import NoAnswer
 from sonarhw.host import scanner
 from sonarhw.link import Port
 from sonarhw.log import read_log
+from sonarhw.text.layouts import MatchingProcess
 from tests.fixtures.plain_echoes import PlainEchoes
 from tests.fixtures.text_devices.printing_device import SKETCHES, PrintingDevice, wall
 from tests.fixtures.text_devices.received_clock import ReceivedClock
@@ -122,6 +123,8 @@ def test_guess_proposes_a_url_that_works(
         (found,) = json.loads(capsys.readouterr().out)["ports"]
         assert (found["preset"], found["baud"]) == (preset, 9600)
         assert found["answer"] == f"prints {preset} at 9600 baud: '{found['proposed_url']}'"
+        assert found["undecided"] == []
+        assert any("readings, angles" in fact for fact in found["evidence"])
         log = tmp_path / "scan.mcap"
         assert run(["scan", found["proposed_url"], "--out", str(log)]) == 0
     assert len(read_log(log).readings) >= 33
@@ -131,8 +134,11 @@ def test_guess_proposes_a_url_that_works(
 def test_guess_finds_a_rangefinder_without_angle(capsys: pytest.CaptureFixture[str]) -> None:
     with PrintingDevice(b"R%04d\r" % k for k in range(500, 5000)) as device:
         assert run(["ports", "--guess", device.port]) == 0
-        expected = f"prints maxbotix at 9600 baud: 'lines:{device.port}?baud=9600&preset=maxbotix&step=10'"
-    assert capsys.readouterr().out == f"{device.port}  {expected}\n"
+        undecided = "no angle is printed: add step=DEGREES, the turn of the table between two readings"
+        url = f"lines:{device.port}?baud=9600&preset=maxbotix&unit=mm"
+    first, *details = capsys.readouterr().out.splitlines()
+    assert first == f"{device.port}  prints maxbotix at 9600 baud; undecided: {undecided}: '{url}'"
+    assert details[0] == "    range in millimetres: four digits"
 
 
 def test_guess_shows_other_text_and_silence(
@@ -144,7 +150,7 @@ def test_guess_shows_other_text_and_silence(
     monkeypatch.setattr(text_device, "time", clock)
     with PrintingDevice(b"humidity 41 percent\r\n" for _ in range(10**6)) as device:
         assert run(["ports", "--guess", device.port]) == 0
-        assert "no preset matches, such as 'humidity 41 percent'; write a pattern=" in capsys.readouterr().out
+        assert "no preset matches, such as 'humidity 41 percent'; " in capsys.readouterr().out
     clock.enough = 0
     with PrintingDevice([]) as device:
         assert run(["ports", "--guess", device.port]) == 0
@@ -191,7 +197,7 @@ def test_a_match_that_takes_too_long_skips_its_line_and_the_third_one_ends_the_s
     ],
 )
 def test_a_process_matches_as_python_does(pattern: str, line: str) -> None:
-    process = text_device.MatchingProcess(pattern)
+    process = MatchingProcess(pattern)
     match = re.compile(pattern, re.ASCII).fullmatch(line)
     assert process.groups(line) == (match and match.groupdict())
     process.close()

@@ -93,6 +93,6 @@ def test_a_missing_file_is_refused(tmp_path: Path) -> None:
 
 def test_a_table_in_another_encoding_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "poses.csv"
-    file.write_text(HEADER, encoding="utf-16")
+    file.write_bytes(b"\xff\xff\x01" + HEADER.encode())
     with pytest.raises(InputError, match=r"not UTF-8 text: byte 0xff; expected a table of poses \(CSV\) in UTF-8"):
         read_poses(file, LOGS)

@@ -6,20 +6,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sonarhw.text_device import (
+from sonarhw.text.decoder import (
     HALF_LINES,
     MOST_LINE,
     MOST_PAUSE,
     NOISE,
     OTHER_TEXT,
-    PRESETS,
     LineDecoder,
-    preset_format,
+    make_decoder,
 )
+from sonarhw.text.layouts import PRESETS, Layout
 
 
 def decoder(preset: str = "arduino-radar") -> LineDecoder:
-    return LineDecoder(preset_format(PRESETS[preset]))
+    made = make_decoder(Layout(preset))
+    assert isinstance(made, LineDecoder)
+    return made
 
 
 def angles(decoded: list) -> list[float]:
@@ -82,7 +84,7 @@ def test_noise_is_counted_and_needs_no_memory() -> None:
 def test_a_text_without_ends_of_lines_is_no_noise() -> None:
     one = decoder("csv")
     for _ in range(20):
-        one.feed(b"90,23.91,24.92,25." * 20)
+        one.feed(b"90,23.91,24.92,25." * (MOST_LINE // 30))
     assert one.ignored[NOISE] == 0
     assert one.ignored[HALF_LINES] == 10
 
@@ -92,9 +94,9 @@ def test_a_text_without_ends_of_lines_is_no_noise() -> None:
     st.lists(st.one_of(st.binary(max_size=40), st.sampled_from([b"90,23.", b"R0123\r", b"\n", b"angle,range\n"]))),
 )
 def test_any_bytes_give_only_possible_readings(preset: str, pieces: list[bytes]) -> None:
-    one = decoder(preset)
+    one = make_decoder(Layout(preset))
     for piece in pieces:
         for line in one.feed(piece):
             assert line.heading is None or abs(line.heading) <= 720
-            assert line.range is None or 0 < line.range <= 700
+            assert line.scale is None or all(0 < distance <= 700 for distance in line.ranges)
         one.idle(0.3)

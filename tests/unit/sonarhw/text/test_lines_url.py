@@ -5,76 +5,132 @@ import math
 import pytest
 
 from sonarhw.errors import InputError
-from sonarhw.text_device import HEADER, PRESETS, Printed, read_lines_url
+from sonarhw.text.decoder import make_decoder
+from sonarhw.text.layouts import HEADER, PART, PRESETS, Layout, Printed
+from sonarhw.text_device import read_lines_url
 
 
-def read(query: str, line: str) -> Printed | str | None:
-    return read_lines_url(f"lines:/dev/ttyUSB0?{query}").make_format().read(line)
+def read(query: str, line: str) -> tuple[Printed, ...] | str | None:
+    return read_lines_url(f"lines:/dev/ttyUSB0?{query}").layout.make_format().read(line)
 
 
 @pytest.mark.parametrize(
     ("query", "line", "printed"),
     [
-        ("preset=arduino-radar", "90,23", Printed(90, 0.23)),
-        ("preset=arduino-radar", "90*23", Printed(90, 0.23)),
-        ("preset=arduino-radar", "90,0", Printed(90, None)),
-        ("preset=arduino-radar&unit=in", "90,10", Printed(90, 0.254)),
-        ("preset=arduino-radar&no_echo=357,400", "90,400", Printed(90, None)),
+        ("preset=arduino-radar", "90,23", (90, 0.23)),
+        ("preset=arduino-radar", "90*23", (90, 0.23)),
+        ("preset=arduino-radar", "90,0", (90, None)),
+        ("preset=arduino-radar&unit=in", "90,10", (90, 0.254)),
+        ("preset=arduino-radar&no_echo=357,400", "90,400", (90, None)),
         ("preset=arduino-radar", "90,23,1", None),
         ("preset=arduino-radar", "9023", None),
         ("preset=arduino-radar", "999,23", None),
-        ("preset=maxbotix&step=5", "R0123", Printed(None, 0.123)),
-        ("preset=maxbotix&step=5", "R5000", Printed(None, None)),
-        ("preset=maxbotix&step=5&no_echo=9999", "R5000", Printed(None, 5.0)),
-        ("preset=maxbotix&step=5&unit=in", "R100", Printed(None, 2.54)),
+        ("preset=maxbotix&step=5", "R0123", (None, 0.123)),
+        ("preset=maxbotix&step=5", "R5000", (None, None)),
+        ("preset=maxbotix&step=5&no_echo=9999", "R5000", (None, 5.0)),
+        ("preset=maxbotix&step=5&unit=in", "R100", (None, 2.54)),
         ("preset=maxbotix&step=5", "R01234", None),
-        ("preset=angle-distance", "Angle: 90 Distance: 23 cm", Printed(90, 0.23)),
-        ("preset=angle-distance", "ANGLE = -90°, Dist = 1.5 m", Printed(-90, 1.5)),
-        ("preset=angle-distance", "Angle: 90 degrees | Distance: 230mm", Printed(90, 0.23)),
-        ("preset=angle-distance", "Angle: 90 Distance: Out of range", Printed(90, None)),
+        ("preset=angle-distance", "Angle: 90 Distance: 23 cm", (90, 0.23)),
+        ("preset=angle-distance", "ANGLE = -90°, Dist = 1.5 m", (-90, 1.5)),
+        ("preset=angle-distance", "Angle: 90 degrees | Distance: 230mm", (90, 0.23)),
+        ("preset=angle-distance", "Angle: 90 Distance: Out of range", (90, None)),
         ("preset=angle-distance", "Angle: 90 Distance: ", None),
-        ("preset=jsonl", '{"heading_deg": 90, "range_cm": 23}', Printed(90, 0.23)),
-        ("preset=jsonl", '{"t": 1, "range": 2.5, "angle": 12.5}', Printed(12.5, 0.025)),
-        ("preset=jsonl&unit=m", '{"range": 2.5, "angle": 12.5}', Printed(12.5, 2.5)),
-        ("preset=jsonl", '{"angle": 90, "distance_mm": null}', Printed(90, None)),
+        ("preset=jsonl", '{"heading_deg": 90, "range_cm": 23}', (90, 0.23)),
+        ("preset=jsonl", '{"t": 1, "range": 2.5, "angle": 12.5}', (12.5, "2.5 of an unknown unit")),
+        ("preset=jsonl", '{"scan": {"angle": 12.5, "range": {"value": 2.5, "unit": "ft"}}}', (12.5, 0.762)),
+        ("preset=jsonl", '{"theta_rad": 0.5, "duration_us": 1000}', (28.64788975654116, 0.1719934)),
+        ("preset=jsonl&unit=m", '{"range": 2.5, "angle": 12.5}', (12.5, 2.5)),
+        ("preset=jsonl", '{"angle": 90, "distance_mm": null}', (90, None)),
         ("preset=jsonl", '{"angle": true, "distance_mm": 3}', None),
         ("preset=jsonl", '{"angle": 90}', None),
         ("preset=jsonl", "[90, 23]", None),
         ("preset=jsonl", "[" * 100_000, None),
-        ("preset=csv", "90,23", Printed(90, 0.23)),
-        ("preset=csv", "90.5 23.5", Printed(90.5, 0.235)),
+        ("preset=csv", "90,23", (90, "23 of an unknown unit")),
+        ("preset=csv&unit=cm", "90,23", (90, 0.23)),
+        ("preset=csv&unit=cm", "90.5 23.5", (90.5, 0.235)),
+        ("preset=csv&unit=cm", "90;23,5", (90, 0.235)),
+        ("preset=csv&unit=m&angle=rad", "1 2", (57.29577951308232, 2.0)),
+        ("preset=csv&unit=ft&angle=gon", "100,2", (90, 0.6096)),
+        ("preset=csv&unit=cm", "90,fuera de rango", (90, None)),
         ("preset=csv", "90,23,1", None),
         ("preset=csv", "90,2_3", None),
         ("preset=csv", "٩٠,23", None),
         ("preset=csv", "nan,23", None),
         ("preset=csv", "90,1e9", None),
         ("preset=jsonl", '{"angle": 1e400, "distance_mm": 3}', None),
-        (r"pattern=(?P<heading_deg>\d+),(?P<range_cm>\d+)", "90,23", Printed(90, 0.23)),
-        (r"pattern=a(?P<heading_deg>\d%2B)/(?P<range>\d+)&unit=mm", "a90/23", Printed(90, 0.023)),
-        (r"pattern=d=(?P<range_m>[\d.]+)&step=2", "d=1.25", Printed(None, 1.25)),
+        (r"pattern=(?P<heading_deg>\d+),(?P<range_cm>\d+)", "90,23", (90, 0.23)),
+        (r"pattern=a(?P<heading_deg>\d%2B)/(?P<range>\d+)&unit=mm", "a90/23", (90, 0.023)),
+        ("pattern={deg}:{cm}", "90: 23", (90, 0.23)),
+        ("pattern=Angle {deg} Dist {cm} cm", "angle 90  dist 23,5cm", (90, 0.235)),
+        ("pattern=Angle {deg} Dist {cm} cm", "Angle 90 Dist out of range", (90, None)),
+        ("pattern=Angle {deg} Dist {cm} cm", "Angle 90 Dist 23 mm", None),
+        ("pattern={-},{deg},{-},{in}", "17,90,x,10", (90, 0.254)),
+        ("pattern={deg},{cm}", "90,23,5", None),
+        ("pattern={step}/{mm}&step=1.8", "50/230", (90, 0.23)),
+        (r"pattern=d=(?P<range_m>[\d.]+)&step=2", "d=1.25", (None, 1.25)),
     ],
 )
-def test_a_line_is_read(query: str, line: str, printed: Printed | None) -> None:
+def test_a_line_is_read(query: str, line: str, printed: tuple[float | None, float | str | None] | None) -> None:
     found = read(query, line)
-    if printed is None or printed.range is None:
-        assert found == printed
+    if printed is None:
+        assert found is None
+        return
+    assert isinstance(found, tuple)
+    (reading,) = found
+    assert reading.heading == (None if printed[0] is None else pytest.approx(printed[0]))
+    if isinstance(printed[1], str):
+        assert reading.scale is None
+        assert f"{reading.numbers[0]:g} of an unknown unit" == printed[1]
     else:
-        assert isinstance(found, Printed)
-        assert (found.heading, found.range) == (printed.heading, pytest.approx(printed.range))
+        assert reading.ranges == (() if printed[1] is None else (pytest.approx(printed[1]),))
 
 
 def test_a_csv_header_names_columns_and_unit() -> None:
-    line_format = read_lines_url("lines:COM3?preset=csv").make_format()
+    line_format = read_lines_url("lines:COM3?preset=csv").layout.make_format()
     assert line_format.read("time_ms,Distance (mm),Servo angle") == HEADER
-    assert line_format.read("17,230,90") == Printed(90, pytest.approx(0.23))
+    assert line_format.read("17,230,90") == (Printed(90, (230,), 0.001),)
     assert line_format.read("90,23") is None
+    assert line_format.read("Angle_cw\tInches") == HEADER
+    assert line_format.read("30\t10") == (Printed(-30, (10,), 0.0254),)
+
+
+def test_a_pattern_reads_lines_sensors_and_sweeps() -> None:
+    """A reading on two lines, a ring of sensors, two mounted sensors, several echoes, a sweep in a line."""
+
+    def readings(query: str, *lines: str) -> list[tuple[float | None, tuple[float, ...]]]:
+        line_format = read_lines_url(f"lines:COM3?{query}").layout.make_format()
+        read = [line_format.read(line) for line in lines]
+        assert all(one == PART for one in read[:-1])
+        assert isinstance(read[-1], tuple)
+        return [(one.heading, tuple(round(distance, 6) for distance in one.ranges)) for one in read[-1]]
+
+    assert readings(r"pattern=Angle: {deg}°\nDist: {cm} cm", "Angle: 15°", "Dist: 22 cm") == [(15, (0.22,))]
+    ring = readings("pattern=[{-}={cm}cm ]...&step=90", "0=23cm 1=45cm 2=0cm 3=7cm")
+    assert ring == [(0, (0.23,)), (90, (0.45,)), (180, ()), (270, (0.07,))]
+    assert readings("pattern={deg}: L{cm@90} R{cm@-90}", "10: L23 R45") == [(100, (0.23,)), (-80, (0.45,))]
+    assert readings("pattern={deg} {cm} {cm}", "10 45 23") == [(10, (0.23, 0.45))]
+    sweep = readings("pattern={-},[{cm},]...&step=2", "1,100,101,102,")
+    assert sweep == [(0, (1.0,)), (2, (1.01,)), (4, (1.02,))]
+    assert readings("pattern=[{deg}:{mm};]...", "15:100;20:230") == [(15, (0.1,)), (20, (0.23,))]
+
+
+@pytest.mark.parametrize(("frame", "unit"), [("ff03e8ea", "a02yyuw"), ("220064 86".replace(" ", ""), "urm37")])
+def test_binary_messages_are_read_and_damaged_ones_are_counted(frame: str, unit: str) -> None:
+    decoder = make_decoder(Layout(unit, step=5.0))
+    message = bytes.fromhex(frame)
+    damaged = message[:-1] + b"\0"
+    readings = decoder.feed(message[2:] + message + damaged + message)
+    assert [one.ranges for one in readings] == [(1.0,), (1.0,)]
+    assert decoder.ignored["noise"] >= 4
 
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_the_example_of_each_preset_is_a_reading(name: str) -> None:
+    if name in ("a02yyuw", "urm37"):
+        return  # binary
     step = "" if PRESETS[name].prints_angle else "&step=5"
     example = PRESETS[name].example.rpartition("then ")[2].rstrip(".")
-    assert isinstance(read(f"preset={name}{step}", example), Printed)
+    assert isinstance(read(f"preset={name}{step}", example), tuple)
 
 
 def test_turn_and_zero_give_the_turntable_angle() -> None:
@@ -86,17 +142,23 @@ def test_turn_and_zero_give_the_turntable_angle() -> None:
 @pytest.mark.parametrize(
     ("query", "message"),
     [
-        ("", "expected preset=NAME or pattern=REGEX: arduino-radar, .*ports --guess"),
+        ("", "expected preset=NAME or pattern=PATTERN: arduino-radar, .*ports --guess"),
         ("preset=radar", "preset=radar: expected arduino-radar"),
         ("preset=csv&pattern=(?P<range_m>.)", "give only one of them"),
         ("preset=csv&speed=3", "unknown key speed; known: baud, preset"),
         ("preset=csv&preset=csv", "a key occurs twice"),
         ("preset=csv&baud=fast", "baud=fast: expected a baud rate"),
-        ("preset=csv&unit=ft", "unit=ft: expected m, cm, mm, in"),
+        ("preset=csv&unit=yd", "unit=yd: expected m, cm, mm, in, ft, us"),
+        ("pattern={deg} {yd}", "unknown field {yd}; fields: {angle}, {deg}"),
+        ("pattern={deg}", "expected a range such as {cm}"),
+        ("pattern={deg} {deg} {cm}", "expected one angle"),
+        ("pattern={step} {cm}", "counted in steps: add step=DEGREES"),
+        ("pattern=[{cm} ]...", "add step=DEGREES"),
+        ("pattern={deg} {cm}&unit=mm", "the pattern names the unit already"),
         ("preset=csv&turn=left", "turn=left: expected ccw, cw"),
         ("preset=csv&zero=1e9", "zero=1e9: expected degrees from -360 to 360"),
         ("preset=csv&no_echo=none", "no_echo=none: expected a number"),
-        ("preset=csv&step=5", "the device prints its angle; remove step"),
+        ("preset=arduino-radar&step=5", "the device prints its angle; remove step"),
         ("preset=maxbotix", "the device prints no angle: add step=DEGREES"),
         ("preset=maxbotix&step=0", "step=0: expected degrees above 0"),
         ("pattern=(", "invalid regular expression"),

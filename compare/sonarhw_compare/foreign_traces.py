@@ -1,0 +1,199 @@
+"""Traces from arrays of samples of other programs: WAV, NPY, NPZ, MAT and text.
+
+Each row of a table, or each channel of a WAV file, is the received signal of one ping, from the start of
+transmission on. The full scale of integers is that of their type; floats are shares of full scale, from −1 to 1, or
+volts with their full scale.
+"""
+
+import math
+import warnings
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonarhw.errors import InputError
+from sonarhw.readings import FloatArray, Reading, Trace
+from sonarhw_compare.foreign_csv import MOST_SAMPLES, ForeignRow, Meaning, opened, readings_of, short_lines
+from sonarhw_compare.import_formats import start_of_file
+from sonarhw_compare.processes import parse_apart
+
+LONGEST_TRACE = 0xFFFF  # samples of a trace in a log
+_LONGEST_NUMBER = 26  # characters with its comma, as numpy.savetxt writes it
+SLOWEST, FASTEST = 1e3, 1e7  # Hz
+_WHAT = "an array of samples"
+_NUMERIC = ("double", "single", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)))  # of MAT files
+
+
+def read_raw_traces(file: Path, meaning: Meaning) -> list[Reading]:
+    """Return one reading for each trace, `meaning.step` degrees apart. Raises InputError."""
+    table, rate = _samples(file, meaning)
+    if rate is None or not SLOWEST <= rate <= FASTEST:
+        raise InputError(f"{file}: a sampling rate of {rate} Hz; expected {SLOWEST:g} to {FASTEST:g} Hz")
+    samples = _pings_in_rows(file, _scaled(file, np.atleast_2d(table), meaning.full_scale), meaning.axis)
+    count = samples.shape[1]
+    if not 2 <= count <= LONGEST_TRACE:
+        raise InputError(f"{file}: traces of {count} samples; expected 2 to {LONGEST_TRACE}; one row is one ping")
+    return readings_of(str(file), _trace_rows(samples, rate, meaning.step), meaning)
+
+
+def _trace_rows(samples: FloatArray, rate: float, step: float) -> Iterator[ForeignRow]:
+    carrier = bool((samples < 0).any())
+    for number, trace in enumerate(samples):
+        yield ForeignRow(f"row {number + 1}", number * step, None, None, trace=Trace(trace, rate, 0.0, carrier))
+
+
+def _pings_in_rows(file: Path, samples: FloatArray, axis: str | None) -> FloatArray:
+    """Return the samples with one ping a row. Raises InputError if rows and columns may be the pings.
+
+    A ping has many samples, so a table that has fewer columns than rows likely has its pings in columns.
+    """
+    rows, columns = samples.shape
+    if axis is None and rows > columns > 1:
+        raise InputError(
+            f"{file}: an array of {rows} rows and {columns} columns; the pings may be in rows or in columns: add "
+            "axis=rows or axis=columns"
+        )
+    return np.ascontiguousarray(samples.T) if axis == "columns" or (axis is None and columns == 1) else samples
+
+
+def _scaled(file: Path, table: NDArray[np.generic], full_scale: float | None) -> FloatArray:
+    """Return the samples as shares of full scale, (n, m). Raises InputError unless they are such shares."""
+    if table.ndim != 2 or table.dtype.kind not in "iuf":
+        raise InputError(
+            f"{file}: an array of shape {table.shape} and type {table.dtype}; expected numbers, one row for each ping"
+        )
+    samples = np.asarray(table, dtype=np.float64)
+    if full_scale is not None:
+        samples = samples / full_scale
+    elif table.dtype.kind != "f":
+        bits = 8 * table.dtype.itemsize - (table.dtype.kind == "i")
+        samples = samples / 2.0**bits
+    most = float(np.abs(samples).max(initial=0.0))
+    if not most <= 1:  # also NaN
+        raise InputError(
+            f"{file}: a sample of {most * (full_scale or 1):g}; expected shares of full scale, from -1 to 1; if "
+            "the samples are volts or other numbers, add full_scale=NUMBER, the largest number of the receiver"
+        )
+    return samples
+
+
+def _check_size(file: Path, count: float) -> None:
+    if count > MOST_SAMPLES:
+        raise InputError(f"{file}: {count:g} samples; expected at most {MOST_SAMPLES}; split it into several files")
+
+
+def _samples(file: Path, meaning: Meaning) -> tuple[NDArray[np.generic], float | None]:
+    """Return the array in a file, by its content or else by its suffix, and the sampling rate, Hz."""
+    suffix, start = file.suffix.lower(), start_of_file(file, 8)
+    if start[:4] == b"RIFF" or suffix == ".wav":
+        return parse_apart(_wav, file, "a WAV file")
+    if start[:2] == b"PK" or (suffix == ".npz" and start[:6] != b"\x93NUMPY"):
+        return parse_apart(_npz, file, "an NPZ file of NumPy", meaning.variable), meaning.rate
+    if start[:6] == b"\x93NUMPY" or suffix == ".npy":
+        return parse_apart(_npy, file, "an array of NumPy (.npy)"), meaning.rate
+    if start[:6] == b"MATLAB" or suffix == ".mat":
+        return parse_apart(_mat, file, "a MAT file", meaning.variable), meaning.rate
+    return _text(file), meaning.rate
+
+
+def _wav(file: Path) -> tuple[NDArray[np.generic], float]:
+    """Return the channels of a WAV file, (n, m), and its rate, Hz."""
+    from scipy.io import wavfile
+
+    _check_size(file, file.stat().st_size)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", wavfile.WavFileWarning)  # chunks that are not sound
+        rate, sound = wavfile.read(file)
+    if sound.size == 0:
+        raise ValueError("it has no samples")
+    if sound.dtype == np.uint8:  # eight bits have their zero at 128
+        sound = (sound.astype(np.int16) - 128).astype(np.int8)
+    return np.atleast_2d(sound.T), float(rate)
+
+
+def _npy(file: Path) -> NDArray[np.generic]:
+    table: NDArray[np.generic] = np.load(file, mmap_mode="r", allow_pickle=False)
+    _check_size(file, table.size)
+    return np.array(table)
+
+
+def _npz(file: Path, variable: str | None) -> NDArray[np.generic]:
+    """Return one array of an NPZ file. Sizes are checked before it is unpacked."""
+    with zipfile.ZipFile(file) as archive:
+        sizes = {name.removesuffix(".npy"): archive.getinfo(name).file_size for name in archive.namelist()}
+    chosen = _chosen(file, [name for name, size in sizes.items() if size > _HEAD] or [*sizes], variable)
+    _check_size(file, sizes[chosen] / 2)
+    with np.load(file, allow_pickle=False) as arrays:
+        return np.asarray(arrays[chosen])
+
+
+_HEAD = 160  # bytes of an array of one number in an NPZ file
+
+
+def _chosen(file: Path, names: list[str], variable: str | None) -> str:
+    """Return the name of the array to read. Raises InputError without one, or if several may be meant."""
+    listed = ", ".join(names) or "none"
+    if variable is not None:
+        if variable not in names:
+            raise InputError(f"{file}: no variable {variable!r}; its arrays: {listed}")
+        return variable
+    if len(names) != 1:
+        advice = "; add variable=NAME" if names else ""
+        raise InputError(f"{file}: expected one array of samples, got {listed}{advice}")
+    return names[0]
+
+
+def _mat(file: Path, variable: str | None) -> NDArray[np.generic]:
+    """Return an array of a MAT file, also one in a structure (`data.signal`). Sizes are checked before it is loaded."""
+    from scipy.io import loadmat, whosmat
+
+    try:
+        listed = whosmat(file)
+        kinds = {name: kind for name, _, kind in listed}
+        sizes = {name: math.prod(shape) for name, shape, _ in listed}
+        whole = (variable or "").partition(".")[0]
+        if any(kind == "struct" for kind in kinds.values()) and (not variable or kinds.get(whole) == "struct"):
+            return _of_struct(file, [name for name, kind in kinds.items() if kind in ("struct", *_NUMERIC)], variable)
+        arrays = [name for name, size in sizes.items() if size > 1 and kinds[name] in _NUMERIC]
+        chosen = _chosen(file, arrays, variable)
+        _check_size(file, sizes[chosen])
+        return np.asarray(loadmat(file, variable_names=[chosen])[chosen])
+    except NotImplementedError as error:
+        raise InputError(f"{file}: a MAT file of version 7.3; save it with `save -v7`") from error
+
+
+def _of_struct(file: Path, names: list[str], variable: str | None) -> NDArray[np.generic]:
+    from scipy.io import loadmat
+
+    _check_size(file, file.stat().st_size / 2)
+    arrays: dict[str, NDArray[np.generic]] = {}
+    for name, value in loadmat(file, variable_names=names).items():
+        if isinstance(value, np.ndarray) and value.dtype.names and value.size == 1:
+            arrays |= {f"{name}.{part}": np.asarray(value[part].item()) for part in value.dtype.names}
+        elif isinstance(value, np.ndarray):
+            arrays[name] = value
+    large = {name: value for name, value in arrays.items() if value.size > 1 and value.dtype.kind in "iuf"}
+    return large[_chosen(file, [*large], variable)]
+
+
+def _text(file: Path) -> NDArray[np.generic]:
+    """Return the numbers of a text file, one row a line, between commas, semicolons, tabs or spaces."""
+    lines: list[FloatArray] = []
+    with opened(file, _WHAT) as text:
+        for number, line in enumerate(short_lines(file, text, _WHAT, LONGEST_TRACE * _LONGEST_NUMBER), 1):
+            words = line.replace(",", " ").replace(";", " ").split()
+            if not words:
+                continue
+            try:
+                lines.append(np.array(words, dtype=np.float64))
+            except ValueError as error:
+                raise InputError(f"{file}, line {number}: {error}; expected samples between commas") from error
+            if len(lines[-1]) != len(lines[0]):
+                raise InputError(f"{file}, line {number}: {len(words)} samples; expected {len(lines[0])}, as above")
+            _check_size(file, len(lines) * len(lines[0]))
+    if not lines:
+        raise InputError(f"{file}: the file is empty; expected one row of samples for each ping")
+    return np.array(lines)

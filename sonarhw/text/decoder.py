@@ -1,0 +1,247 @@
+"""Decodes the bytes of a device or of a file into readings: encodings, lines, what captures add to them, and counts."""
+
+import codecs
+import re
+from collections import Counter
+from dataclasses import replace
+
+from sonarhw.text.layouts import HEADER, BinaryFrame, Layout, LineFormat, MatchingProcess, Printed, Units
+
+MOST_LINE = 4000  # bytes; more without the end of a line are noise
+MOST_PAUSE = 1.25  # s within a line: longer than the 1 s that pulseIn() waits for an echo, shorter than a bootloader
+_SHOWN = 60  # characters of an example
+_CUT = "0123456789.-+"  # characters that may be missing at the start of a number
+_NUMBERS_ONLY = re.compile(r"[\d.,;:*+\-\s]*", re.ASCII)
+
+
+# kinds of lines that are no readings
+HALF_LINES = "half lines"  # the first line after opening, and lines with missing characters
+OTHER_TEXT = "lines of other text"  # banners, messages
+SLOW = "lines that take more than 1 s to match"
+NOISE = "noise"  # lines with bytes that are not text
+
+
+class LineDecoder:
+    """Splits bytes into lines, and decodes the readings in them. It has no port and no clock."""
+
+    def __init__(self, line_format: LineFormat, begins_whole: bool = False) -> None:
+        """`begins_whole`: the first line is complete, as in a file."""
+        self.ignored = Counter({HALF_LINES: 0, OTHER_TEXT: 0, NOISE: 0})  # lines
+        self.readings = 0
+        self.example = ""  # newest text that was not a reading
+        self.encoding = "utf-8"
+        self._format = line_format
+        self._rest = b""
+        self._paused = 0.0  # s since the newest byte
+        self._begins_whole = begins_whole
+        self._cut = not begins_whole  # whether the start of the line may be missing
+        self._text = False  # whether another text was printed since the newest reading
+        self._utf16: codecs.IncrementalDecoder | None = None
+        self._begun = False
+
+    def feed(self, data: bytes) -> list[Printed]:
+        """Return the readings that these bytes complete."""
+        self._paused = 0.0
+        *whole, self._rest = self._format.ends.split(self._rest + self._plain(data))
+        decoded = [reading for raw in whole for reading in self._decode(raw)]
+        if len(self._rest) > MOST_LINE:
+            text = self._text_of(self._rest)
+            self._rest, self._cut = b"", True
+            if text is None:
+                self.ignored[NOISE] += 1
+            else:
+                self._note_text(text, cut=False)
+        return decoded
+
+    def end(self) -> list[Printed]:
+        """Return the reading in the last line of a file, which may have no end."""
+        rest, self._rest = self._rest, b""
+        return list(self._decode(rest))
+
+    def idle(self, seconds: float) -> None:
+        """Handle a time without bytes. After a long one, the line in progress is incomplete: its end was lost."""
+        self._paused += seconds
+        if self._paused > MOST_PAUSE and self._rest:
+            self._rest = b""
+            self.ignored[HALF_LINES] += 1
+
+    def lost(self) -> None:
+        """Handle a loss of bytes."""
+        self._rest, self._cut, self._utf16, self._begun = b"", not self._begins_whole, None, False
+
+    def close(self) -> None:
+        """End what the format has started."""
+        self._format.close()
+
+    def _plain(self, data: bytes) -> bytes:
+        """Return the bytes in UTF-8, if they begin with a byte order mark of UTF-16; else as they are."""
+        if not self._begun and data:
+            if len(self._rest + data) < 4 and (self._rest + data)[:1] in (b"\xff", b"\xfe"):
+                return data
+            first, self._rest, self._begun = self._rest + data, b"", True
+            encoding = utf16_of(first)
+            if encoding:
+                self.encoding = encoding
+                self._utf16 = codecs.getincrementaldecoder(encoding)("replace")
+            data = first
+        if self._utf16 is None:
+            return data
+        return self._utf16.decode(data).replace("\ufeff", "").encode()
+
+    def _decode(self, raw: bytes) -> tuple[Printed, ...]:
+        cut, self._cut = self._cut, False
+        line = self._text_of(raw)
+        if line is None:
+            self.ignored[NOISE] += 1
+            return ()
+        if not line:
+            return ()
+        try:
+            if cut and self._may_be_cut(line):
+                self._note_text(line, cut)
+                return ()
+            read = self._format.read(line)
+        except TimeoutError:
+            self.ignored[SLOW] += 1
+            return ()
+        if isinstance(read, str):
+            self._text = self._text or (read == HEADER and self.readings > 0)
+            return ()
+        if read is None:
+            self._note_text(line, cut)
+            return ()
+        restarted, self._text = self._text, False
+        self.readings += len(read)
+        return (replace(read[0], restarted=restarted), *read[1:])
+
+    def _may_be_cut(self, line: str) -> bool:
+        """Return whether the line is still a reading with one more character before it: 90,23 may be cut to 0,23."""
+        return self._format.fits(line) and any(self._format.fits(f"{character}{line}") for character in _CUT)
+
+    def _note_text(self, line: str, cut: bool) -> None:
+        self.example = line[:_SHOWN]
+        if cut or _NUMBERS_ONLY.fullmatch(line):
+            self.ignored[HALF_LINES] += 1
+        else:
+            self._text = True
+            self.ignored[OTHER_TEXT] += 1
+
+    def _text_of(self, raw: bytes) -> str | None:
+        line, encoding = text_of(raw)
+        if encoding != "utf-8":
+            self.encoding = encoding
+        return None if line is None else without_stamp(line)
+
+
+class BinaryDecoder:
+    """Decodes the binary messages of a sensor that prints no text, as `LineDecoder` does lines."""
+
+    encoding = "binary"
+
+    def __init__(self, frame: BinaryFrame, units: Units) -> None:
+        self.ignored = Counter({NOISE: 0})  # bytes
+        self.readings = 0
+        self.example = ""
+        self._frame, self._units = frame, units
+        self._rest = b""
+
+    def feed(self, data: bytes) -> list[Printed]:
+        """Return the readings that these bytes complete. A message with a wrong checksum is skipped."""
+        self._rest += data
+        decoded, size = [], self._frame.size
+        position = 0
+        while position + size <= len(self._rest):
+            message = self._rest[position : position + size]
+            whole = message.startswith(self._frame.header) and sum(message[:-1]) & 0xFF == message[-1]
+            number = int.from_bytes(message[-3:-1], "big")
+            printed = self._units.printed(None, [str(number)], None) if whole else None
+            if printed is None:
+                self.ignored[NOISE] += 1
+                position += 1
+                continue
+            decoded.append(printed)
+            position += size
+        self._rest = self._rest[position:]
+        self.readings += len(decoded)
+        return decoded
+
+    def end(self) -> list[Printed]:
+        """Return nothing: half a message is no reading."""
+        return []
+
+    def idle(self, seconds: float) -> None:
+        """Do nothing: a message is found by its checksum."""
+
+    def lost(self) -> None:
+        """Handle a loss of bytes."""
+        self._rest = b""
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+Decoder = LineDecoder | BinaryDecoder
+
+
+def make_decoder(layout: Layout, begins_whole: bool = False) -> Decoder:
+    """Return the decoder of a layout. Raises InputError for an invalid pattern."""
+    if layout.frame is not None:
+        return BinaryDecoder(layout.frame, layout.units)
+    matching = MatchingProcess(layout.pattern) if layout.pattern and layout.is_regex else None
+    return LineDecoder(layout.make_format(matching), begins_whole)
+
+
+_STAMP = re.compile(
+    r"\[?(?:\d{4}-\d\d-\d\d[ T])?\d\d:\d\d:\d\d(?:[.,]\d{1,6})?\]?\s*(?:->|>|:|\s|\|)\s*(?=\S)"  # serial monitors
+)
+_CAPTURE = re.compile(
+    r"=~=~=~.*|\*{3,}.*|-{3,}.*|Welcome to minicom.*|OPTIONS:.*|Press CTRL-A.*|Terminal log file.*|[-=_*#~]+"
+)
+
+
+def without_stamp(line: str) -> str:
+    """Return a line without what terminal programs add: a time before it, or the whole line of a PuTTY log."""
+    plain = _STAMP.sub("", line, count=1) if _STAMP.match(line) else line
+    return "" if _CAPTURE.fullmatch(plain) else plain
+
+
+def utf16_of(start: bytes) -> str | None:
+    """Return the encoding that the first bytes state with a byte order mark; None without one of UTF-16."""
+    if start[:2] == b"\xff\xfe" and start[3:4] == b"\0" and start[2:4] != b"\0\0":
+        return "utf-16-le"
+    if start[:2] == b"\xfe\xff" and start[2:3] == b"\0" and start[2:4] != b"\0\0":
+        return "utf-16-be"
+    return None
+
+
+_MOST_FOREIGN = 0.25  # share of bytes above 127 in a text in cp1252
+
+
+def text_of(raw: bytes) -> tuple[str | None, str]:
+    """Return a line as text without spaces at its ends, and its encoding; None if it is not text."""
+    try:
+        line, encoding = raw.decode("utf-8").replace("\ufeff", "").strip(), "utf-8"
+    except UnicodeDecodeError:
+        if sum(byte > 127 for byte in raw) > max(1, _MOST_FOREIGN * len(raw)) or len(raw) < _FEWEST_FOREIGN:
+            return None, "utf-8"
+        line, encoding = raw.decode("cp1252", "replace").strip(), "cp1252"
+    plain = line.replace("\t", " ").replace("\r", " ").replace("\n", " ")
+    return (line, encoding) if plain.isprintable() and "\ufffd" not in line else (None, "utf-8")
+
+
+_FEWEST_FOREIGN = 5  # bytes of a line in cp1252; fewer are noise
+
+
+def encoding_of(start: bytes) -> str:
+    """Return the encoding of a text by its first bytes; UTF-8 if they are no text in any."""
+    if utf16_of(start):
+        return "utf-16"
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(start)
+    except UnicodeDecodeError:
+        foreign = sum(byte > 127 for byte in start)
+        is_text = foreign <= _MOST_FOREIGN * len(start) and not any(
+            byte < 32 and byte not in b"\t\r\n" for byte in start
+        )
+        return "cp1252" if is_text else "utf-8-sig"
+    return "utf-8-sig"

@@ -1,0 +1,833 @@
+"""Layouts of text: how a device prints its readings, as a pattern, a preset, CSV with a header or JSON.
+
+A pattern is the text of a reading with fields in braces, such as `Angle: {deg} Dist: {cm}`, or a regular expression.
+"""
+
+import json
+import math
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final, Literal
+
+from sonarhw.errors import InputError
+from sonarhw.text.words import ANGLE_UNITS, RANGE_UNITS, STEP, ColumnKind, NameMeaning, is_no_echo, meaning_of
+
+MOST_HEADING = 720.0  # degrees, either side of 0; larger ones are not angles of a turntable
+MOST_RANGE = 700.0  # m; larger ones do not fit into the frames of a log
+_SMALLEST_UNIT = min(RANGE_UNITS.values())  # m
+# stricter than `float`, which accepts 1_0 and the digits of all scripts
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
+
+
+@dataclass(frozen=True)
+class Printed:
+    """The numbers of one reading."""
+
+    heading: float | None  # degrees, as printed; None: the device prints no angle
+    numbers: tuple[float, ...]  # ranges of the echoes as printed; empty: no echo
+    scale: float | None = 1.0  # m, unit of the ranges; None: not stated
+    restarted: bool = False  # whether a banner or another text was printed since the reading before
+
+    @property
+    def ranges(self) -> tuple[float, ...]:
+        """Ranges of the echoes, m, nearest first. The unit must be known, if there are any."""
+        assert self.scale is not None or not self.numbers
+        return tuple(sorted(number * (self.scale or 1.0) for number in self.numbers))
+
+
+HEADER: Final = "header"  # instead of readings: a line that names the columns of the following lines
+PART: Final = "part"  # a line that begins or continues a reading on several lines
+Read = tuple[Printed, ...] | Literal["header", "part"] | None  # None: not a reading
+
+
+@dataclass(frozen=True)
+class Units:
+    """What the user states about the numbers."""
+
+    range: str | None = None  # of RANGE_UNITS; None: as the text states
+    angle: str | None = None  # of ANGLE_UNITS; None: as the text states, else degrees
+    no_echo: tuple[float, ...] = ()  # numbers that stand for no echo
+    step: float | None = None  # degrees between two readings without an angle, or of one step
+
+    def printed(
+        self, heading: float | None, texts: Sequence[str | None], range_unit: str | None, offset: float = 0.0
+    ) -> Printed | None:
+        """Return a reading of a heading (degrees) and texts of ranges; None if a scanner cannot print them.
+
+        A range of 0 or less, or of `no_echo`, means no echo.
+        """
+        try:
+            values = [value for text in texts if (value := _range_value(text)) is not None]
+        except ValueError:
+            return None
+        unit = self.range or range_unit
+        scale = None if unit is None else RANGE_UNITS[unit]
+        if heading is not None and not abs(heading) <= MOST_HEADING:
+            return None
+        echoes = tuple(value for value in values if value > 0 and value not in self.no_echo)
+        if any(value * (scale or _SMALLEST_UNIT) > MOST_RANGE for value in echoes):
+            return None
+        return Printed(None if heading is None else heading + offset, echoes, scale)
+
+    def heading(self, text: str, unit: str | None) -> float:
+        """Return an angle, degrees. Raises ValueError."""
+        stated = self.angle or unit or "deg"
+        if stated == STEP:
+            return _number(text) * (self.step or 0.0)
+        return _number(text) * ANGLE_UNITS[stated]
+
+
+def _range_value(text: str | None) -> float | None:
+    """Return a printed range; None if the text stands for no echo. Raises ValueError."""
+    if text is None or is_no_echo(text):
+        return None
+    value = _number(text)
+    return value if math.isfinite(value) else None
+
+
+def _number(text: str) -> float:
+    plain = text.strip().replace(",", ".")
+    if not _NUMBER.fullmatch(plain):
+        raise ValueError(text)
+    return float(plain)
+
+
+@dataclass(frozen=True)
+class LineFormat:
+    """How the device prints a reading."""
+
+    read: Callable[[str], Read]  # of a line without its end; may remember the line before
+    ends: re.Pattern[bytes]  # what separates lines
+    fits: Callable[[str], bool]  # whether a line is a reading by itself, or its first line; remembers nothing
+    close: Callable[[], None] = lambda: None  # ends the process that matches lines, if any
+
+
+LINE_ENDS = re.compile(rb"[\r\n\0]+")
+
+
+def ends_of(characters: str) -> re.Pattern[bytes]:
+    """Return what separates readings: these characters, and a NUL."""
+    return re.compile(b"[" + re.escape(characters.encode()) + rb"\0]+")
+
+
+# regular expressions
+
+
+Groups = dict[str, str | None]  # the texts of the named groups of a match
+
+
+def regex_format(
+    pattern: re.Pattern[str],
+    units: Units,
+    ends: re.Pattern[bytes] = LINE_ENDS,
+    matching: "MatchingProcess | None" = None,
+) -> LineFormat:
+    """Return the format of a regular expression with the groups of `check_regex`, which matches a whole line.
+
+    `matching` matches the lines, in place of the pattern itself.
+    """
+    range_group = next(group for group in pattern.groupindex if group.partition("_")[0] == "range")
+    heading_group = next((group for group in pattern.groupindex if group.partition("_")[0] == "heading"), None)
+    named = range_group.partition("_")[2] or None
+
+    def match_here(line: str) -> Groups | None:
+        match = pattern.fullmatch(line)
+        return None if match is None else match.groupdict()
+
+    matched = matching.groups if matching else match_here
+
+    def read(line: str) -> Read:
+        texts = matched(line)
+        if texts is None:
+            return None
+        word = texts.get("unit")
+        stated = named if word is None else meaning_of(word).unit
+        try:
+            text = texts[heading_group] if heading_group else None
+            heading = None if text is None or heading_group is None else units.heading(text, heading_group[8:])
+        except ValueError:
+            return None
+        return _only(units.printed(heading, [texts[range_group]], stated))
+
+    return LineFormat(read, ends, lambda line: matched(line) is not None, matching.close if matching else lambda: None)
+
+
+def _only(printed: Printed | None) -> Read:
+    return None if printed is None else (printed,)
+
+
+def check_regex(text: str) -> re.Pattern[str]:
+    """Return the compiled regular expression. Raises InputError if it is invalid or lacks a range."""
+    try:
+        pattern = re.compile(text, re.ASCII)
+    except (re.error, RecursionError, OverflowError) as error:
+        raise InputError(f"pattern {text!r}: invalid regular expression: {error}") from error
+    ranges = [group for group in pattern.groupindex if re.fullmatch("range(_m|_cm|_mm|_in|_ft|_us)?", group)]
+    if len(ranges) != 1:
+        raise InputError(f"pattern {text!r}: expected one group (?P<range_cm>...), or range_m, range_mm, range_in")
+    return pattern
+
+
+_MATCHED_WITHIN = 1.0  # s for one line
+_MOST_SLOW = 3  # lines one after another
+# what the process executes: it ends within a match that takes too long, and when its input ends
+_MATCH = """
+import faulthandler, json, os, re, sys
+nowhere = open(os.devnull, "w")
+text, within = json.loads(sys.stdin.readline())
+pattern = re.compile(text, re.ASCII)
+for line in sys.stdin:
+    faulthandler.dump_traceback_later(within, exit=True, file=nowhere)
+    match = pattern.fullmatch(json.loads(line))
+    faulthandler.cancel_dump_traceback_later()
+    print(json.dumps(match and match.groupdict()), flush=True)
+"""
+
+
+class MatchingProcess:
+    """Matches lines with a pattern of the user, in a process that ends if a match takes longer than 1 s.
+
+    A match cannot be interrupted, and no other thread of its process runs meanwhile.
+    """
+
+    def __init__(self, pattern: str) -> None:
+        self._pattern = pattern
+        self._slow = 0  # newest lines, one after another, whose match took too long
+        self._process: subprocess.Popen[str] | None = None
+
+    def groups(self, line: str) -> Groups | None:
+        """Return the groups of the line; None without a match.
+
+        Raises TimeoutError if it takes too long, and InputError for the third such line one after another.
+        """
+        try:
+            answer = self._answer(line)
+        except OSError:
+            answer = ""
+        if answer:
+            self._slow = 0
+            groups: Groups | None = json.loads(answer)
+            return groups
+        self.close()
+        self._slow += 1
+        if self._slow >= _MOST_SLOW:
+            raise InputError(
+                f"pattern {self._pattern!r}: matching takes more than {_MATCHED_WITHIN:g} s for lines such as "
+                f"{line[:60]!r}; write it without a repetition within a repetition"
+            )
+        raise TimeoutError
+
+    def close(self) -> None:
+        """End the process. The next line starts it again."""
+        process, self._process = self._process, None
+        if process:
+            process.kill()
+            process.communicate()
+
+    def _answer(self, line: str) -> str:
+        """Return the answer to a line as JSON; empty if the process has ended."""
+        if self._process is None:
+            self._process = _started_matching()
+            print(json.dumps((self._pattern, _MATCHED_WITHIN)), file=self._process.stdin, flush=True)
+        assert self._process.stdout is not None
+        print(json.dumps(line), file=self._process.stdin, flush=True)
+        return self._process.stdout.readline()
+
+
+def _started_matching() -> "subprocess.Popen[str]":
+    hidden: dict[str, Any] = {"start_new_session": True}  # Ctrl-C in a terminal does not reach it
+    if sys.platform == "win32":
+        hidden = {"creationflags": subprocess.CREATE_NO_WINDOW}
+    return subprocess.Popen(
+        [sys.executable, "-I", "-S", "-c", _MATCH],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        encoding="ascii",
+        **hidden,
+    )
+
+
+# patterns with fields
+
+
+_FIELD = re.compile(r"\{([^{}]*)\}")
+_NUMBER_TEXT = r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
+_COMMA_TEXT = r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?"
+_WORDS_TEXT = r"[^\W\d_][^\d,;|]*|--?-?"  # in place of a range
+_SKIPPED = r"[^\s,;|]*"
+_ANGLE_FIELDS = {"angle": None, "deg": "deg", "rad": "rad", "gon": "gon", "step": STEP}
+_RANGE_FIELDS = {"range": None, **{unit: unit for unit in RANGE_UNITS}}
+_FIELDS = ", ".join(f"{{{name}}}" for name in (*_ANGLE_FIELDS, *_RANGE_FIELDS, "-", "text"))
+_UNIT_AFTER = re.compile(r"\s*[^\W\d_]+\.?|\s*[°\"]")
+
+
+@dataclass(frozen=True)
+class _Field:
+    kind: ColumnKind
+    unit: str | None
+    mount: float | None  # degrees, direction of this sensor from that of the angle; None: none given
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """A part of a line: its expression with one group for each field."""
+
+    text: str
+    fields: tuple[_Field, ...]
+
+
+@dataclass(frozen=True)
+class _Line:
+    """One line of a pattern; `repeated` stands between `before` and `after`, once or more often."""
+
+    before: _Piece
+    repeated: _Piece | None = None
+    after: _Piece = _Piece("", ())
+
+    def compiled(self) -> re.Pattern[str]:
+        """Return the expression of the whole line, in which the repeated part is one group."""
+        body = "" if self.repeated is None else f"((?:{_without_groups(self.repeated.text)})+)"
+        return re.compile(rf"\s*{self.before.text}{body}{self.after.text}\s*", re.IGNORECASE)
+
+
+def _without_groups(text: str) -> str:
+    return re.sub(r"(?<!\\)\((?!\?)", "(?:", text)
+
+
+@dataclass(frozen=True)
+class Template:
+    """A pattern with fields."""
+
+    lines: tuple[_Line, ...]
+
+    @property
+    def fields(self) -> tuple[_Field, ...]:
+        """All fields, in their order."""
+        pieces = [piece for line in self.lines for piece in (line.before, line.repeated, line.after) if piece]
+        return tuple(field for piece in pieces for field in piece.fields)
+
+    @property
+    def prints_angle(self) -> bool:
+        """Whether each reading has an angle or the direction of its sensor."""
+        fields = self.fields
+        if any(line.repeated for line in self.lines):
+            body = next(line.repeated for line in self.lines if line.repeated)
+            return any(one.kind is ColumnKind.ANGLE for one in body.fields)
+        mounted = all(one.mount is not None for one in fields if one.kind is ColumnKind.RANGE)
+        return mounted or any(one.kind is ColumnKind.ANGLE for one in fields)
+
+    @property
+    def has_steps(self) -> bool:
+        """Whether an angle is counted in steps."""
+        return any(one.unit == STEP for one in self.fields)
+
+    @property
+    def states_unit(self) -> bool:
+        """Whether the unit of the ranges is in the pattern."""
+        return all(one.unit is not None for one in self.fields if one.kind is ColumnKind.RANGE)
+
+
+def parse_template(text: str) -> Template:
+    """Return a pattern with fields. Raises InputError."""
+    lines = tuple(_line(text, part) for part in re.split(r"\\n|\n", text))
+    template = Template(lines)
+    fields = template.fields
+    if not any(one.kind is ColumnKind.RANGE for one in fields):
+        raise InputError(f"pattern {text!r}: expected a range such as {{cm}}; fields: {_FIELDS}")
+    if sum(one.kind is ColumnKind.ANGLE for one in fields) > 1:
+        raise InputError(f"pattern {text!r}: expected one angle; write {{-}} for a number that is ignored")
+    if len({one.unit for one in fields if one.kind is ColumnKind.RANGE}) > 1:
+        raise InputError(f"pattern {text!r}: expected one unit for all ranges")
+    return template
+
+
+_REPEATED = re.compile(r"\[(?!\[)(.+?)(?<!\])\]\.\.\.", re.DOTALL)
+
+
+def _line(text: str, part: str) -> _Line:
+    found = _REPEATED.search(part)
+    if found is None:
+        return _Line(_piece(text, part))
+    after = part[found.end() :]
+    if _REPEATED.search(after):
+        raise InputError(f"pattern {text!r}: expected one repetition [...]... in a line")
+    core = found[1].rstrip(" ,;:|\t")
+    body = _piece(text, core, found[1][len(core) :])
+    separator = _literal(found[1][len(core) :], True)  # may be missing after the last one
+    if separator:
+        body = replace(body, text=rf"{body.text}(?:{separator}|(?=\s*$))")
+    return _Line(_piece(text, part[: found.start()]), body, _piece(text, after))
+
+
+def _piece(text: str, part: str, after: str = "") -> _Piece:
+    """Return the expression of a part of a line, before the text `after`.
+
+    After words for no echo, the unit may be missing. A comma next to a number is no part of it.
+    """
+    regex, position = "", 0
+    fields: list[_Field] = []
+    for match in _FIELD.finditer(part):
+        regex += _literal(part[position : match.start()], bool(fields))
+        field = _field(text, match[1])
+        position = match.end()
+        decimals = part[max(match.start() - 1, 0) : match.start()] != "," and not (part + after)[position:].startswith(
+            ","
+        )
+        number = _COMMA_TEXT if decimals else _NUMBER_TEXT
+        if field is None:
+            regex += ".*?" if match[1] == "text" else _SKIPPED
+        elif field.kind is ColumnKind.ANGLE:
+            regex += f"({number})"
+        else:
+            unit = _UNIT_AFTER.match(part, position)
+            ending = "" if unit is None else _literal(unit[0], True)
+            position = position if unit is None else unit.end()
+            group = f"({number}(?={ending})|{_WORDS_TEXT})"
+            regex += f"{group}(?:(?:{ending})?)" if ending else group
+        if field is not None:
+            fields.append(field)
+    return _Piece(regex + _literal(part[position:], bool(fields)), tuple(fields))
+
+
+def _literal(text: str, after_field: bool) -> str:
+    """Return the expression of text between fields, where spaces may be more or fewer."""
+    if not text:
+        return ""
+    if not text.strip():
+        return r"\s+" if after_field else r"\s*"
+    parts = [re.escape(word) for word in text.split()]
+    lead = r"\s*" if text[0].isspace() or after_field else ""
+    return lead + r"\s*".join(parts) + (r"\s*" if text[-1].isspace() or not text[-1].isalnum() else "")
+
+
+def _field(text: str, name: str) -> _Field | None:
+    """Return a field; None for one that is ignored. Raises InputError."""
+    word, at, mount = name.partition("@")
+    if word in ("-", "text"):
+        return None
+    if word in _ANGLE_FIELDS and not at:
+        return _Field(ColumnKind.ANGLE, _ANGLE_FIELDS[word], None)
+    if word in _RANGE_FIELDS and (not at or _NUMBER.fullmatch(mount)):
+        return _Field(ColumnKind.RANGE, _RANGE_FIELDS[word], float(mount) if at else None)
+    raise InputError(f"pattern {text!r}: unknown field {{{name}}}; fields: {_FIELDS}, with a direction {{cm@90}}")
+
+
+def template_format(template: Template, units: Units, ends: re.Pattern[bytes] = LINE_ENDS) -> LineFormat:
+    """Return the format of a pattern with fields."""
+    lines = [(line, line.compiled()) for line in template.lines]
+    matched: list[re.Match[str]] = []  # the first lines of the reading in progress
+
+    def read(text: str) -> Read:
+        for start in (len(matched), 0):
+            match = lines[start][1].fullmatch(text)
+            del matched[start:]
+            if match is not None:
+                matched.append(match)
+                break
+            if not start:
+                return None
+        if len(matched) < len(lines):
+            return PART
+        found = [(line, match) for (line, _), match in zip(lines, matched, strict=True)]
+        matched.clear()
+        return _readings(found, units)
+
+    return LineFormat(read, ends, lambda text: bool(lines[0][1].fullmatch(text)))
+
+
+_Value = tuple[_Field, str]
+
+
+def _readings(found: list[tuple[_Line, re.Match[str]]], units: Units) -> Read:
+    """Return the readings of all lines of a pattern; None if a number is impossible."""
+    values: list[_Value] = []
+    repeated: list[list[_Value]] = []
+    for line, match in found:
+        texts = list(match.groups())
+        values += zip(line.before.fields, texts, strict=False)
+        if line.repeated is not None:
+            body = re.compile(line.repeated.text, re.IGNORECASE)
+            repeated += [
+                list(zip(line.repeated.fields, one.groups(), strict=True))
+                for one in body.finditer(texts[len(line.before.fields)])
+            ]
+        values += zip(line.after.fields, texts[len(texts) - len(line.after.fields) :], strict=True)
+    try:
+        printed = list(_printed(values, repeated, units))
+    except ValueError:
+        return None
+    return None if None in printed or not printed else tuple(one for one in printed if one is not None)
+
+
+def _printed(values: list[_Value], repeated: list[list[_Value]], units: Units) -> Iterator[Printed | None]:
+    """Yield the readings of values; of a repeated part without angles, `step` apart. Raises ValueError."""
+    angle = _angle(values, units)
+    ranges = [value for value in values if value[0].kind is ColumnKind.RANGE]
+    unit = next(
+        (field.unit for field, _ in (*ranges, *(one for part in repeated for one in part)) if _is_range(field)), None
+    )
+    for k, part in enumerate(repeated):
+        own = _angle(part, units)
+        heading = (angle or 0.0) + k * (units.step or 0.0) if own is None else own
+        yield units.printed(heading, [text for field, text in part if _is_range(field)], unit)
+    common = [text for field, text in ranges if field.mount is None]
+    if common:
+        yield units.printed(angle, common, unit)
+    for field, text in ranges:
+        if field.mount is not None:
+            yield units.printed(angle or 0.0, [text], unit, field.mount)
+
+
+def _is_range(field: _Field) -> bool:
+    return field.kind is ColumnKind.RANGE
+
+
+def _angle(values: list[_Value], units: Units) -> float | None:
+    return next((units.heading(text, field.unit) for field, text in values if field.kind is ColumnKind.ANGLE), None)
+
+
+# CSV with a header, and JSON
+
+
+@dataclass(frozen=True)
+class Columns:
+    """The columns of angle and range among named ones."""
+
+    count: int
+    heading: int
+    ranges: tuple[int, ...]
+    angle: NameMeaning
+    range: NameMeaning
+
+
+def columns_of(names: Sequence[str]) -> Columns | str | None:
+    """Return the columns with these names, or what is wrong with them; None if no name is one of a quantity."""
+    german = False
+    meanings = [meaning_of(name, german) for name in names]
+    angles = [k for k, one in enumerate(meanings) if one.quantity is ColumnKind.ANGLE]
+    ranges = [k for k, one in enumerate(meanings) if one.quantity is ColumnKind.RANGE]
+    if len(angles) > 1:  # a full word before an abbreviation
+        named = [k for k in angles if meanings[k].unit != STEP and len(names[k]) > 1]
+        angles = named if len(named) == 1 else angles
+    if len(ranges) > 1:
+        distances = [k for k in ranges if len(names[k]) > 1 and meanings[k].unit != "us"]
+        ranges = distances if len(distances) == 1 else ranges
+    unsupported = [one for one in meanings if one.quantity is ColumnKind.UNSUPPORTED]
+    if not ranges and unsupported and angles:
+        return f"{unsupported[0].word!r} is not a unit of a range; expected {', '.join(RANGE_UNITS)}"
+    if len(angles) != 1 or not ranges:
+        return None
+    if len(ranges) > 1:
+        listed = ", ".join(names[k] for k in ranges)
+        return f"several columns may be the range: {listed}"
+    return Columns(len(names), angles[0], tuple(ranges), meanings[angles[0]], meanings[ranges[0]])
+
+
+def csv_format(units: Units) -> LineFormat:
+    """Return the format of lines of numbers after a header line, which names their columns.
+
+    Columns are separated by commas, semicolons, tabs, bars or spaces. Before the header, a line of exactly two numbers
+    is an angle and a range.
+    """
+    columns = Columns(2, 0, (1,), NameMeaning(ColumnKind.ANGLE), NameMeaning(ColumnKind.RANGE))
+
+    def parse(line: str, columns: Columns) -> Read:
+        cells = cells_of(line)
+        if len(cells) != columns.count:
+            return None
+        try:
+            heading = units.heading(cells[columns.heading], columns.angle.unit)
+        except ValueError:
+            return None
+        heading = -heading if columns.angle.clockwise else heading
+        texts = [cells[k] or (None if k < len(cells) - 1 else "") for k in columns.ranges]  # the last may be cut
+        return _only(units.printed(heading, texts, columns.range.unit))
+
+    def read(line: str) -> Read:
+        nonlocal columns
+        header = columns_of(cells_of(line)) if any(char.isalpha() for char in line) else None
+        if isinstance(header, Columns):
+            columns = header
+            return HEADER
+        return parse(line, columns)
+
+    return LineFormat(read, LINE_ENDS, lambda line: isinstance(parse(line, columns), tuple))
+
+
+def cells_of(line: str) -> list[str]:
+    """Return the cells of a line: between commas, semicolons, tabs or bars, else between spaces.
+
+    Between semicolons, tabs or bars, a comma is that of a decimal number.
+    """
+    if re.search(r"[;\t|]", line):
+        parts = re.split(r"[;\t|]", line)
+    else:
+        parts = line.split(",") if "," in line else line.split()
+    return [cell.strip().strip('"') for cell in parts]
+
+
+def json_format(units: Units) -> LineFormat:
+    """Return the format of JSON objects, one a line, with keys for angle and range, also within other objects."""
+
+    def read(line: str) -> Read:
+        record = json_record(line)
+        columns = columns_of([*record]) if record else None
+        if not isinstance(columns, Columns) or record is None:
+            return None
+        values = [*record.values()]
+        heading, distance = values[columns.heading], values[columns.ranges[0]]
+        echoes = distance if isinstance(distance, list) else [distance]
+        possible = all(one is None or isinstance(one, str) or _is_number(one) for one in echoes)
+        if not _is_number(heading) or not possible:
+            return None
+        try:
+            angle = units.heading(str(heading), columns.angle.unit)
+        except ValueError:
+            return None
+        texts = [None if one is None else str(one) for one in echoes]
+        angle = -angle if columns.angle.clockwise else angle
+        return _only(units.printed(angle, texts, columns.range.unit))
+
+    return LineFormat(read, LINE_ENDS, lambda line: isinstance(read(line), tuple))
+
+
+def json_record(line: str) -> dict[str, Any] | None:
+    """Return the values in a JSON object by their own keys; of a key that occurs in several objects, by all keys."""
+    if not line.startswith("{"):
+        return None
+    try:
+        record = json.loads(line)
+    except (ValueError, RecursionError):
+        return None
+    return dict(_leaves(record))
+
+
+def _leaves(record: dict[str, Any], depth: int = 0) -> Iterator[tuple[str, Any]]:
+    unit = record.get("unit") or record.get("units")
+    for key, value in record.items():
+        if isinstance(value, dict) and depth < 5:
+            for inner, leaf in _leaves(value, depth + 1):
+                # {"angle": {"value": 90, "unit": "deg"}}
+                yield (key + inner[len("value") :] if inner.split()[:1] == ["value"] else inner), leaf
+        elif not isinstance(value, dict):
+            stated = f"{key} {unit}" if isinstance(unit, str) and key not in ("unit", "units") else key
+            yield stated if _is_number(value) and isinstance(unit, str) else key, value
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+# the presets: formats of lines that many sketches and sensors print
+
+
+_RADAR = re.compile(r"(?P<heading_deg>-?\d{1,3})[,*](?P<range>-?\d{1,5})", re.ASCII)
+_RADAR_ENDS = re.compile(rb"[.#\0]")
+ANGLE_DISTANCE = re.compile(
+    r"angle\W*?(?P<heading_deg>-?\d+(?:\.\d+)?)\s*(?:°|deg(?:rees?|s)?\b)?\W*?"
+    r"(?:distance|dist|range)\W*?(?P<range>-?\d+(?:\.\d+)?|out of range|no echo|nan|inf|timeout)"
+    r"\s*(?P<unit>mm|cm|m|in|inch|inches|ft|feet|us)?\W*",
+    re.ASCII | re.IGNORECASE,
+)
+_MAXBOTIX = re.compile(r"R(?P<range>\d{3,4})(?P<flag> P[01])?", re.ASCII)
+
+
+_MILLIMETRES = (5000.0, 9999.0)  # of a MaxBotix rangefinder without an echo
+
+
+def maxbotix_format(units: Units) -> LineFormat:
+    """Return the format of MaxBotix rangefinders: four digits are millimetres, three with a flag P inches."""
+
+    def read(line: str) -> Read:
+        match = _MAXBOTIX.fullmatch(line)
+        if match is None:
+            return None
+        digits = match["range"]
+        silent = _MILLIMETRES if len(digits) == 4 and not units.no_echo else units.no_echo
+        unit = "mm" if len(digits) == 4 else "in" if match["flag"] else None
+        return _only(replace(units, no_echo=silent).printed(None, [digits], unit))
+
+    return LineFormat(read, LINE_ENDS, lambda line: bool(_MAXBOTIX.fullmatch(line)))
+
+
+@dataclass(frozen=True)
+class BinaryFrame:
+    """A message of a sensor that prints no text: `header`, two bytes of the range, the sum of all bytes before."""
+
+    header: bytes
+
+    @property
+    def size(self) -> int:
+        """Bytes of a message."""
+        return len(self.header) + 3
+
+
+@dataclass(frozen=True)
+class Preset:
+    """A format, and what the devices that print it have in common."""
+
+    example: str
+    make: Callable[[Units], LineFormat] | BinaryFrame
+    unit: str | None = None  # of the range; None: as printed
+    no_echo: tuple[float, ...] = ()  # in that unit; 0 and negative numbers always mean no echo
+    board: str = ""  # name of the board profile of the usual sensor
+    prints_angle: bool = True
+
+
+PRESETS = {
+    "arduino-radar": Preset("90,23.", lambda units: regex_format(_RADAR, units, _RADAR_ENDS), "cm", board="hc-sr04"),
+    "angle-distance": Preset(
+        "Angle: 90 Distance: 23 cm", lambda units: regex_format(ANGLE_DISTANCE, units), board="hc-sr04"
+    ),
+    "maxbotix": Preset("R0123", lambda units: maxbotix_format(units), prints_angle=False),
+    "a02yyuw": Preset("the bytes FF H L SUM", BinaryFrame(b"\xff"), "mm", prints_angle=False),
+    "urm37": Preset("the bytes 22 H L SUM", BinaryFrame(b"\x22"), "cm", (65535.0,), prints_angle=False),
+    "jsonl": Preset('{"heading_deg": 90, "range_cm": 23}', json_format),
+    "csv": Preset("heading_deg,range_cm, then 90,23", csv_format),
+}
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a device prints, as the query of a URL or the options of an import state it."""
+
+    preset: str = ""  # one of PRESETS; empty: a pattern
+    pattern: str = ""
+    unit: str | None = None  # of RANGE_UNITS
+    angle: str | None = None  # of ANGLE_UNITS
+    no_echo: tuple[float, ...] | None = None
+    step: float | None = None  # degrees
+    ends: str = ""  # characters between readings; empty: line ends
+
+    @property
+    def board(self) -> str:
+        """Name of the board profile that suits the usual sensor, empty if unknown."""
+        return PRESETS[self.preset].board if self.preset else ""
+
+    @property
+    def is_regex(self) -> bool:
+        """Whether the pattern is a regular expression."""
+        return "(?P<" in self.pattern or not _FIELD.search(self.pattern)
+
+    @property
+    def example(self) -> str:
+        """A line that the layout reads, or the pattern."""
+        return PRESETS[self.preset].example if self.preset else self.pattern
+
+    @property
+    def frame(self) -> BinaryFrame | None:
+        """The messages of a sensor that prints no text; None for text."""
+        make = PRESETS[self.preset].make if self.preset else None
+        return make if isinstance(make, BinaryFrame) else None
+
+    @property
+    def units(self) -> Units:
+        """What the layout states about the numbers."""
+        preset = PRESETS[self.preset] if self.preset else None
+        no_echo = preset.no_echo if preset and self.no_echo is None else self.no_echo or ()
+        return Units(self.unit or (preset.unit if preset else None), self.angle, no_echo, self.step)
+
+    def make_format(self, matching: "MatchingProcess | None" = None) -> LineFormat:
+        """Return a fresh format of the lines. Raises InputError for an invalid pattern. `matching` matches lines."""
+        units = self.units
+        if self.preset:
+            make = PRESETS[self.preset].make
+            assert not isinstance(make, BinaryFrame)
+            return make(units)
+        ends = ends_of(self.ends) if self.ends else LINE_ENDS
+        if self.is_regex:
+            return regex_format(check_regex(self.pattern), units, ends, matching)
+        return template_format(parse_template(self.pattern), units, ends)
+
+    def check(self) -> None:
+        """Raise InputError for settings that do not fit together."""
+        if bool(self.preset) == bool(self.pattern):
+            which = "give only one of them" if self.preset else f"{', '.join(PRESETS)}; {_GUESS}"
+            raise InputError(f"expected preset=NAME or pattern=PATTERN: {which}")
+        if self.preset and self.preset not in PRESETS:
+            raise InputError(f"preset={self.preset}: expected {', '.join(PRESETS)}")
+        if self.preset and self.ends:
+            raise InputError("ends: only with a pattern; remove it")
+        prints_angle, needs_step, states_unit = self._properties()
+        if prints_angle and not needs_step and self.step is not None and self.preset not in ("csv", "jsonl"):
+            raise InputError("step: the device prints its angle; remove step")
+        if not prints_angle and self.step is None:
+            raise InputError(
+                "the device prints no angle: add step=DEGREES, the turn of the table between two readings, or from one "
+                "sensor to the next"
+            )
+        if needs_step and self.step is None:
+            raise InputError("the angle is counted in steps: add step=DEGREES, the turn of one step")
+        if self.unit and states_unit:
+            raise InputError("unit: the pattern names the unit already; remove one of them")
+
+    def _properties(self) -> tuple[bool, bool, bool]:
+        """Return whether readings have angles, whether these are steps, and whether the pattern states the unit."""
+        if self.preset:
+            return PRESETS[self.preset].prints_angle, self.angle == STEP, False
+        if self.is_regex:
+            groups = check_regex(self.pattern).groupindex
+            return any(name.startswith("heading") for name in groups), False, any("range_" in name for name in groups)
+        template = parse_template(self.pattern)
+        return template.prints_angle, template.has_steps or self.angle == STEP, template.states_unit
+
+    def with_unit(self, unit: str) -> "Layout":
+        """Return the layout with this unit of the ranges."""
+        return replace(self, unit=unit)
+
+
+_GUESS = "`sonarhw ports --guess` proposes one"
+
+
+def layout_of(values: Mapping[str, str]) -> Layout:
+    """Return the layout that the keys of a URL, or the options of an import, state. Raises InputError."""
+    layout = Layout(
+        preset=values.get("preset", ""),
+        pattern=values.get("pattern", ""),
+        unit=one_of("unit", values["unit"], tuple(RANGE_UNITS)) if "unit" in values else None,
+        angle=one_of("angle", values["angle"], (*ANGLE_UNITS, STEP)) if "angle" in values else None,
+        no_echo=_numbers("no_echo", values["no_echo"]) if "no_echo" in values else None,
+        step=_step(values["step"]) if "step" in values else None,
+        ends=values.get("ends", ""),
+    )
+    layout.check()
+    return layout
+
+
+def one_of(key: str, value: str, choices: tuple[str, ...]) -> str:
+    """Return a value. Raises InputError unless it is one of the choices."""
+    if value not in choices:
+        raise InputError(f"{key}={value}: expected {', '.join(choices)}")
+    return value
+
+
+def degrees_of(key: str, text: str) -> float:
+    """Return degrees. Raises InputError."""
+    value = _number_of_parameter(key, text)
+    if abs(value) > 360:
+        raise InputError(f"{key}={text}: expected degrees from -360 to 360")
+    return value
+
+
+def _step(text: str) -> float:
+    if not 0 < (degrees := degrees_of("step", text)) <= 180:
+        raise InputError(f"step={text}: expected degrees above 0, up to 180; for a clockwise turn add turn=cw")
+    return degrees
+
+
+def _numbers(key: str, text: str) -> tuple[float, ...]:
+    return tuple(_number_of_parameter(key, part) for part in text.split(","))
+
+
+def _number_of_parameter(key: str, text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(f"{key}={text}: expected a number")
+    return value

@@ -1,0 +1,952 @@
+"""Proposes the layout of unknown text from its words and numbers, with the evidence and what it could not decide."""
+
+import math
+import re
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from statistics import median
+
+from sonarhw.errors import InputError
+from sonarhw.text.decoder import make_decoder, text_of, utf16_of, without_stamp
+from sonarhw.text.layouts import (
+    ANGLE_DISTANCE,
+    LINE_ENDS,
+    MOST_HEADING,
+    PRESETS,
+    Columns,
+    Layout,
+    Printed,
+    Units,
+    cells_of,
+    columns_of,
+    ends_of,
+    json_record,
+)
+from sonarhw.text.words import (
+    ANGLE_UNITS,
+    RANGE_UNITS,
+    STEP,
+    UNIT_NAMES,
+    ColumnKind,
+    NameMeaning,
+    is_german,
+    is_no_echo,
+    meaning_of,
+    unit_of_word,
+    words_of,
+)
+
+FEWEST = 4  # readings
+MOST_LINES = 2000  # that a proposal looks at
+_MOST_BYTES = 400_000
+_HELD, _MOST_HELD = 24, 400  # readings, until a unit is decided
+_SHARE = 0.55  # of the lines, that a layout must read
+# m: the longest range in a room is at least and at most, with the usual board; their median is at least
+_LEAST_ROOM, _MOST_ROOM, _LEAST_MIDDLE = 0.5, 4.05, 0.08
+_SMALLEST, _LARGEST = 0.05, 11.0  # m, longest range of any scene and board
+_FINEST, _COARSEST = 5e-5, 0.06  # m, plausible resolution of a printed range
+_COMMON = ("cm", "mm", "m", "in", "ft", "us")  # units that sketches print without a name, the most common first
+
+
+@dataclass(frozen=True)
+class LayoutProposal:
+    """What text contains, as far as it can be decided."""
+
+    layout: Layout | None = None  # None: no readings were recognised
+    clockwise: bool = False
+    evidence: tuple[str, ...] = ()  # how units and columns were decided
+    questions: tuple[str, ...] = ()  # what is undecided, with the option that decides it
+    readings: tuple[Printed, ...] = ()  # those of the text, if nothing is undecided
+    lines: int = 0  # of the text, without empty ones
+    example: str = ""  # a line of the text
+
+    @property
+    def decided(self) -> bool:
+        """Whether the layout reads the text without an answer of the user."""
+        return self.layout is not None and not self.questions
+
+
+NOTHING = LayoutProposal()
+
+
+def propose(data: bytes, begins_whole: bool = False, known: Layout | None = None) -> LayoutProposal:
+    """Return the proposal for the bytes of a device, or of a file (`begins_whole`).
+
+    `known`: what the user states about units and step; its pattern and preset are not used.
+    """
+    stated = known or Layout()
+    data = data[:_MOST_BYTES]
+    if encoding := utf16_of(data):
+        data = data.decode(encoding, "replace").replace("\ufeff", "").encode()
+    for name in ("a02yyuw", "urm37"):
+        if (binary := _binary(name, data, stated)) is not None:
+            return binary
+    best = LayoutProposal(example=next(iter(_lines(data, LINE_ENDS)), "")[:60])
+    for ends in ("", *_other_ends(data)):
+        lines = _lines(data, ends_of(ends) if ends else LINE_ENDS)
+        if not begins_whole:
+            lines = lines[1:]
+        if len(lines) < 2:
+            continue
+        proposal = _of_lines(lines[:MOST_LINES], ends, stated)
+        if proposal.layout is not None:
+            return _checked(proposal, data, begins_whole, stated)
+        if proposal.questions and not best.questions:
+            best = proposal
+    return best
+
+
+class UnitChoice:
+    """Decides the unit of readings without one: holds them back until only one unit is plausible."""
+
+    def __init__(self, units: Units) -> None:
+        self.notes: tuple[str, ...] = ()
+        self._stated = units.range
+        self._unit: str | None = None
+        self._held: list[tuple[float, Printed]] = []
+
+    def add(self, readings: Sequence[tuple[float, Printed]], last: bool = False) -> list[tuple[float, Printed]]:
+        """Return readings with units, each with its time; none while the unit is undecided.
+
+        `last`: no more will follow. Raises InputError if several units are plausible.
+        """
+        if self._unit is None and not self._held and not any(map(_lacks_unit, (one for _, one in readings))):
+            return [*readings]
+        self._held += readings
+        if self._unit is None and not self._decide(last):
+            return []
+        held, self._held = self._held, []
+        scale = RANGE_UNITS[self._unit or "m"]
+        return [(when, one if one.scale is not None else replace(one, scale=scale)) for when, one in held]
+
+    def _decide(self, last: bool) -> bool:
+        numbers = [number for _, one in self._held if _lacks_unit(one) for number in one.numbers]
+        if len(self._held) < _HELD and not last:
+            return False
+        decision = _range_unit(numbers, NameMeaning(), Layout())
+        if decision.unit is None and not last and len(self._held) < _MOST_HELD:
+            return False
+        if decision.unit is None:
+            raise InputError(decision.question)
+        self._unit, self.notes = decision.unit, (decision.evidence,)
+        return True
+
+
+def _lacks_unit(printed: Printed) -> bool:
+    return printed.scale is None and bool(printed.numbers)
+
+
+def sweep_text(proposal: LayoutProposal) -> tuple[str, ...]:
+    """Return what the layout reads, in words: angles, ranges and an example."""
+    readings = proposal.readings
+    if not readings:
+        return ()
+    headings = [one.heading for one in readings if one.heading is not None]
+    scales = {one.scale for one in readings}
+    numbers = [number for one in readings for number in one.numbers]
+    turned = f"angles {min(headings):g}° to {max(headings):g}°" if headings else "no angles"
+    silent = sum(not one.numbers for one in readings)
+    if None in scales or not numbers:
+        reach = f"ranges {min(numbers, default=0):g} to {max(numbers, default=0):g}"
+    else:
+        ranges = [distance for one in readings for distance in one.ranges]
+        reach = f"ranges {min(ranges):.3g} m to {max(ranges):.3g} m"
+    still = "; the angle does not change" if headings and len({*headings}) == 1 and len(headings) >= 8 else ""
+    shown = f"{len(readings)} readings, {turned}, {reach}, {silent} without an echo{still}"
+    return (shown, f"such as {proposal.example!r}") if proposal.example else (shown,)
+
+
+def _lines(data: bytes, ends: re.Pattern[bytes]) -> list[str]:
+    texts = (text_of(raw)[0] for raw in ends.split(data))
+    return [plain for text in texts if text and (plain := without_stamp(text).strip())]
+
+
+def _other_ends(data: bytes) -> list[str]:
+    """Return characters that may separate readings in text with few line ends, the most frequent first."""
+    counts = Counter(byte for byte in data if chr(byte) in ".#;|*/!$&~>)]}" or chr(byte) == " ")
+    return [chr(byte) for byte, number in counts.most_common(4) if number >= 3]
+
+
+def _binary(name: str, data: bytes, stated: Layout) -> LayoutProposal | None:
+    """Return the proposal of a binary preset, if most bytes are its messages."""
+    preset = PRESETS[name]
+    layout = replace(stated, preset=name, pattern="", ends="")
+    decoder = make_decoder(layout)
+    readings = decoder.feed(data)
+    assert layout.frame is not None
+    varies = any(one.numbers for one in readings)
+    if len(readings) < FEWEST or len(readings) * layout.frame.size < 0.8 * len(data) or not varies:
+        return None
+    evidence = (f"binary messages of {name} ({preset.example}), range in {UNIT_NAMES[preset.unit or 'mm']}",)
+    return LayoutProposal(layout, False, evidence, _step_question(stated, 1), tuple(readings), len(readings))
+
+
+def _step_question(stated: Layout, sensors: int) -> tuple[str, ...]:
+    if stated.step is not None:
+        return ()
+    if sensors > 1:
+        even = f"; {360 / sensors:g} if they are evenly spaced around a circle" if sensors <= 24 else ""
+        return (f"no angle is printed: add step=DEGREES from one of the {sensors} numbers of a line to the next{even}",)
+    return ("no angle is printed: add step=DEGREES, the turn of the table between two readings",)
+
+
+def _checked(proposal: LayoutProposal, data: bytes, begins_whole: bool, stated: Layout) -> LayoutProposal:
+    """Return the proposal with the readings that its layout gives, or without a layout if it reads too little."""
+    layout = proposal.layout
+    assert layout is not None
+    trial = layout if layout.step is not None else replace(layout, step=1.0)
+    decoder = make_decoder(trial, begins_whole)
+    readings = [*decoder.feed(data), *decoder.end()]
+    others = decoder.ignored.total()
+    if len(readings) < FEWEST or len(readings) < others * _SHARE:
+        return replace(proposal, layout=None)
+    return replace(proposal, readings=tuple(readings))
+
+
+# one kind of line after the other
+
+
+def _of_lines(lines: list[str], ends: str, stated: Layout) -> LayoutProposal:
+    for recognise in (_maxbotix, _json, _header, _numbers):
+        proposal = recognise(lines, ends, stated)
+        if proposal.layout is not None or proposal.questions:
+            return proposal
+    return LayoutProposal(example=lines[0][:60])
+
+
+_MAXBOTIX = re.compile(r"R(\d{3,4})( P[01])?")
+_MODEL = re.compile(r"(?:PN:\s*)?MB(\d{4})")
+_MODELS = (
+    ("10[0-4]", "in"),
+    ("10[0-9]", "in"),
+    ("12", "cm"),
+    ("70", "cm"),
+    ("7366", "cm"),
+    ("7388", "cm"),
+    ("73", "mm"),
+)
+_MODELS_MM = ("1003", "1013", "1023", "1033", "1043", "1603", "1613", "1623", "1633", "1643")
+
+
+def _maxbotix(lines: list[str], ends: str, stated: Layout) -> LayoutProposal:
+    """Recognise the rangefinders of MaxBotix. Their unit follows from the model, the digits or the proximity flag."""
+    found = [match for line in lines if (match := _MAXBOTIX.fullmatch(line))]
+    if ends or len(found) < max(FEWEST, _SHARE * len(lines)):
+        return LayoutProposal()
+    numbers = [float(match[1]) for match in found]
+    model = next((match[1] for line in lines if (match := _MODEL.search(line))), None)
+    digits = {len(match[1]) for match in found}
+    layout = replace(stated, preset="maxbotix", pattern="", ends="")
+    unit, why = _unit_of_maxbotix(model, digits, any(match[2] for match in found), max(numbers), stated)
+    question = "three digits are centimetres (XL models) or inches (LV models): add unit=cm or unit=in"
+    questions = () if unit else (question,)
+    evidence = (f"range in {UNIT_NAMES[unit]}: {why}",) if why and unit else ()
+    return LayoutProposal(
+        replace(layout, unit=unit), False, evidence, (*questions, *_step_question(stated, 1)), lines=len(lines)
+    )
+
+
+def _unit_of_maxbotix(
+    model: str | None, digits: set[int], flagged: bool, most: float, stated: Layout
+) -> tuple[str | None, str]:
+    """Return the unit of a rangefinder and the reason; no unit if it may be two."""
+    if stated.unit is not None:
+        return stated.unit, "as given"
+    if model is not None and (unit := _unit_of_model(model)):
+        return unit, f"model MB{model}"
+    if digits == {4}:
+        return "mm", "four digits"
+    if flagged:
+        return "in", "the proximity flag P of the inch models"
+    if most > 254:
+        return "cm", "three digits above 254, the most of the inch models"
+    return None, ""
+
+
+def _unit_of_model(model: str) -> str | None:
+    if model in _MODELS_MM:
+        return "mm"
+    matching = [unit for start, unit in _MODELS if re.match(start, model)]
+    return ("cm" if model in ("7366", "7388") else matching[0]) if matching else None
+
+
+def _json(lines: list[str], ends: str, stated: Layout) -> LayoutProposal:
+    records = [record for line in lines if (record := json_record(line))]
+    if ends or len(records) < max(FEWEST, _SHARE * len(lines)):
+        return LayoutProposal()
+    keys = [*records[len(records) // 2]]
+    columns = columns_of(keys)
+    if not isinstance(columns, Columns):
+        reason = columns or "expected one key with a name of an angle and one of a range"
+        return LayoutProposal(
+            None, questions=(f"keys {', '.join(map(str, keys))}: {reason}; write a pattern=",), example=lines[0][:60]
+        )
+    heading, distance = keys[columns.heading], keys[columns.ranges[0]]
+    values = [[record.get(heading), record.get(distance)] for record in records]
+    numbers = [[float(one) for one in column if isinstance(one, int | float)] for column in zip(*values, strict=True)]
+    layout = replace(stated, preset="jsonl", pattern="", ends="")
+    angle, reach = _angle_unit(numbers[0], columns.angle, stated), _range_unit(numbers[1], columns.range, stated)
+    layout = replace(
+        layout, unit=reach.unit if reach.assumed else stated.unit, angle=angle.unit if angle.assumed else stated.angle
+    )
+    return _joined(layout, columns.angle.clockwise, angle, reach, lines)
+
+
+@dataclass(frozen=True)
+class _Unit:
+    """A decision on a unit."""
+
+    unit: str | None
+    assumed: bool = False
+    evidence: str = ""
+    question: str = ""
+
+
+def _joined(
+    layout: Layout, clockwise: bool, angle: _Unit, reach: _Unit, lines: list[str], *evidence: str
+) -> LayoutProposal:
+    facts = (*evidence, angle.evidence, reach.evidence, "angles grow clockwise, as named" if clockwise else "")
+    asked = (angle.question, reach.question)
+    return LayoutProposal(
+        layout,
+        clockwise,
+        tuple(filter(None, facts)),
+        tuple(filter(None, asked)),
+        lines=len(lines),
+        example=lines[len(lines) // 2][:60],
+    )
+
+
+def _header(lines: list[str], ends: str, stated: Layout) -> LayoutProposal:
+    """Recognise CSV with a header line that names both columns."""
+    if ends:
+        return LayoutProposal()
+    for number, line in enumerate(lines[:-1]):
+        cells = cells_of(line)
+        below = [cells_of(one) for one in lines[number + 1 :]]
+        if len(cells) < 2 or not any(char.isalpha() for char in line) or _is_numeric(cells):
+            continue
+        rows = [one for one in below if len(one) == len(cells) and sum(map(_is_number_text, one)) >= 2]
+        if len(rows) < max(min(FEWEST, len(below)), _SHARE * len(below)):
+            continue
+        columns = columns_of(cells)
+        if isinstance(columns, str):
+            return LayoutProposal(None, questions=(f"header {line!r}: {columns}; write a pattern=",), example=line[:60])
+        if columns is None:
+            return _numbers(lines[number + 1 :], "", stated, [meaning_of(cell) for cell in cells], line)
+        return _with_header(lines, line, cells, columns, rows, stated)
+    return LayoutProposal()
+
+
+def _with_header(
+    lines: list[str], header: str, cells: list[str], columns: Columns, rows: list[list[str]], stated: Layout
+) -> LayoutProposal:
+    numbers = [_column(rows, k) for k in (columns.heading, columns.ranges[0])]
+    angle = _angle_unit(numbers[0], columns.angle, stated)
+    reach = _range_unit(numbers[1], columns.range, stated)
+    lines_below = lines[lines.index(header) + 1 :]
+    in_order = len(cells) == 2 and columns.heading == 0
+    if lines.count(header) > 1:
+        layout = replace(stated, preset="csv", pattern="", ends="")
+    elif in_order and not columns.angle.clockwise and (angle.unit or "deg") != STEP:
+        # the header may have passed when the device is opened again
+        layout = replace(
+            stated,
+            preset="csv",
+            pattern="",
+            ends="",
+            unit=reach.unit,
+            angle=angle.unit if angle.unit != "deg" else stated.angle,
+        )
+    else:
+        layout = _pattern_of_columns(lines_below, columns, angle, reach, stated)
+    if lines.count(header) > 1:
+        layout = replace(
+            layout,
+            unit=reach.unit if reach.assumed else stated.unit,
+            angle=angle.unit if angle.assumed else stated.angle,
+        )
+    return _joined(layout, columns.angle.clockwise, angle, reach, lines, f"header {header!r}")
+
+
+def _pattern_of_columns(lines: list[str], columns: Columns, angle: _Unit, reach: _Unit, stated: Layout) -> Layout:
+    example = next((line for line in lines if len(cells_of(line)) == columns.count), "")
+    separator = next((mark for mark in ";\t|," if mark in example), " ")
+    fields = ["{-}"] * columns.count
+    fields[columns.heading] = f"{{{angle.unit or 'angle'}}}"
+    fields[columns.ranges[0]] = "{range}" if reach.unit is None or reach.assumed or stated.unit else f"{{{reach.unit}}}"
+    unit = stated.unit or (reach.unit if reach.assumed else None)
+    return replace(stated, preset="", pattern=separator.join(fields), unit=unit, angle=None, ends="")
+
+
+def _is_number_text(text: str) -> bool:
+    return bool(re.fullmatch(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?", text, re.ASCII))
+
+
+def _is_numeric(cells: Sequence[str]) -> bool:
+    return sum(map(_is_number_text, cells)) >= 2
+
+
+def _column(rows: Iterable[Sequence[str]], k: int) -> list[float]:
+    return [float(row[k].replace(",", ".")) for row in rows if _is_number_text(row[k])]
+
+
+# units
+
+
+def _range_unit(numbers: Sequence[float], named: NameMeaning, stated: Layout) -> _Unit:
+    """Return the unit of printed ranges: stated by the user or the text, else the only plausible one."""
+    if stated.unit is not None:
+        return _Unit(stated.unit, True, f"range in {UNIT_NAMES[stated.unit]}: as given")
+    if named.unit is not None and named.unit in RANGE_UNITS:
+        return _Unit(named.unit, False, f"range in {UNIT_NAMES[named.unit]}: {named.word!r} in the text")
+    candidates = plausible_units(numbers, named.doubtful or _COMMON)
+    echoes = [number for number in numbers if number > 0]
+    spread = f"{min(echoes, default=0):g} to {max(echoes, default=0):g}"
+    if len(candidates) == 1:
+        (unit,) = candidates
+        name = UNIT_NAMES[unit]
+        why = f"{name} assumed, because only in {name} the numbers {spread} fit a room and the usual board"
+        return _Unit(unit, True, f"unit of the range not stated: {why}; unit= changes it")
+    options = " or ".join(f"unit={unit}" for unit in candidates or RANGE_UNITS)
+    names = " and ".join(UNIT_NAMES[unit] for unit in candidates) or "no unit"
+    return _Unit(None, False, "", f"unit of the range not stated: {spread} fits {names}: add {options}")
+
+
+def plausible_units(numbers: Sequence[float], among: Sequence[str] = _COMMON) -> tuple[str, ...]:
+    """Return the units in which ranges fit the usual board and a room, the most common unit first.
+
+    A unit in which they fit only a larger or smaller scene counts if it is more common than all that fit.
+    """
+    echoes = sorted(number for number in numbers if number > 0)
+    if not echoes:
+        return ()
+    counts = Counter(echoes)
+    most, count = echoes[-1], counts[echoes[-1]]
+    if count >= 3 and count >= 0.08 * len(echoes) and len(counts) > 2:  # may stand for no echo
+        echoes = [number for number in echoes if number != most]
+    quantum = _quantum(echoes)
+    chosen: list[str] = []
+    fitting = False
+    for unit in among:
+        scale = RANGE_UNITS[unit]
+        longest = echoes[-1] * scale
+        if not (_FINEST <= quantum * scale <= _COARSEST and _SMALLEST <= longest <= _LARGEST):
+            continue
+        fits = _LEAST_ROOM <= longest <= _MOST_ROOM and median(echoes) * scale >= _LEAST_MIDDLE
+        if unit == "us" and "mm" in chosen and fitting:
+            continue
+        if fits or not fitting:
+            chosen.append(unit)
+        fitting = fitting or fits
+    return tuple(chosen)
+
+
+def _quantum(numbers: Sequence[float]) -> float:
+    for decimals in range(5):
+        if all(abs(number - round(number, decimals)) < 1e-9 for number in numbers):
+            return float(10.0**-decimals)
+    return 1e-4
+
+
+def _angle_unit(numbers: Sequence[float], named: NameMeaning, stated: Layout) -> _Unit:
+    """Return the unit of printed angles: stated by the user or the text, else the only plausible one."""
+    unit = stated.angle or named.unit
+    if unit == STEP:
+        if stated.step is not None:
+            return _Unit(STEP, False, f"angle in steps of {stated.step:g}°: as given")
+        return _Unit(STEP, False, "", "the angle is counted in steps: add step=DEGREES, the turn of one step")
+    if named.doubtful and stated.angle is None:
+        return _Unit(None, False, "", f"{named.word!r} may be degrees or gradians: add angle=deg or angle=gon")
+    if unit is not None and unit in ANGLE_UNITS:
+        how = "as given" if stated.angle else f"{named.word!r} in the text"
+        return _Unit(unit, bool(stated.angle), f"angle in {UNIT_NAMES[unit]}: {how}")
+    if not numbers:
+        return _Unit(None)
+    most, span = max(map(abs, numbers)), max(numbers) - min(numbers)
+    whole = all(float(number).is_integer() for number in numbers)
+    if most <= 2 * math.pi + 0.1 and not whole and (span < 6.0 or len({*numbers}) > 8):
+        why = f"radians assumed, because all are below {most + 0.01:.2f}"
+        return _Unit("rad", True, f"unit of the angle not stated: {why}; angle= changes it")
+    if most > 400:
+        return _Unit(
+            None, False, "", f"angles up to {most:g} are no degrees: add angle=step and step=DEGREES, or angle=deg"
+        )
+    if most > 360:
+        return _Unit(None, False, "", f"angles up to {most:g} may be gradians or degrees: add angle=gon or angle=deg")
+    return _Unit("deg", False)
+
+
+# lines of words and numbers
+
+
+_NUMBER = re.compile(r"(?<![^\W\d_])(?:(?<![\d.,])[+-])?(?:\d+(?:\.\d+)?|\.\d+)(?:[eE][+-]?\d+)?(?!\d)", re.ASCII)
+_COMMA_NUMBER = re.compile(r"(?<![^\W\d_])(?:(?<![\d.,])[+-])?(?:\d+(?:[.,]\d+)?)(?!\d)", re.ASCII)
+_SILENT_WORDS = re.compile(r"[^\W\d_][^\d,;|:=]*|--?-?")
+
+
+@dataclass(frozen=True)
+class _Tokens:
+    """A line as literals and the numbers between them."""
+
+    literals: tuple[str, ...]  # one more than numbers
+    numbers: tuple[str, ...]
+
+    @property
+    def shape(self) -> tuple[str, ...]:
+        """The literals without differences in spaces."""
+        return tuple(re.sub(r"\s+", " ", literal) for literal in self.literals)
+
+
+def _tokens(line: str, number: re.Pattern[str]) -> _Tokens:
+    literals, numbers, position = [], [], 0
+    for match in number.finditer(line):
+        literals.append(line[position : match.start()])
+        numbers.append(match[0])
+        position = match.end()
+    return _Tokens((*literals, line[position:]), tuple(numbers))
+
+
+def _numbers(
+    lines: list[str], ends: str, stated: Layout, named: list[NameMeaning] | None = None, header: str = ""
+) -> LayoutProposal:
+    """Recognise lines of words and numbers: by their words, and by the numbers where there are none."""
+    best = LayoutProposal()
+    for number in (_COMMA_NUMBER, _NUMBER):
+        tokens = [_tokens(line, number) for line in lines]
+        if number is _COMMA_NUMBER and not any(map(_has_decimal_commas, tokens)):
+            continue
+        for group in _records(tokens):
+            proposal = _of_records(group, lines, ends, stated, named, header)
+            if proposal.layout is not None:
+                return proposal
+            if proposal.questions and not best.questions:
+                best = proposal
+    return best
+
+
+def _has_decimal_commas(line: _Tokens) -> bool:
+    """Return whether commas are within numbers: other characters separate them."""
+    between = [literal.strip() for literal in line.literals[1:-1]]
+    return any("," in text for text in line.numbers) and not any(text[:1] == "," for text in between)
+
+
+@dataclass(frozen=True)
+class _Records:
+    """Readings of the same shape; each has `height` lines."""
+
+    rows: list[list[_Tokens]]
+    height: int
+
+    @property
+    def literals(self) -> tuple[str, ...]:
+        """The literals of a reading; line ends are in them."""
+        parts: list[str] = [""]
+        for k, line in enumerate(self.rows[0]):
+            literals = list(line.literals)
+            parts[-1] += ("\n" if k else "") + literals[0]
+            parts += literals[1:]
+        return tuple(parts)
+
+    def column(self, k: int) -> list[float]:
+        """Return the numbers of a column."""
+        texts = [[text for line in row for text in line.numbers][k] for row in self.rows]
+        return [float(text.replace(",", ".")) for text in texts]
+
+
+def _records(tokens: list[_Tokens]) -> list[_Records]:
+    """Return how lines may be grouped to readings, the likely one first."""
+    counts = Counter(one.shape for one in tokens if one.numbers)
+    if not counts:
+        return []
+    shape, most = counts.most_common(1)[0]
+    total = sum(counts.values())
+    alone = _Records([[one] for one in tokens if one.shape == shape], 1)
+    groups = []
+    if most < 0.7 * total:
+        for height in (2, 3, 4):
+            if (group := _repeated(tokens, counts, height)) is not None:
+                groups.append(group)
+                break
+    if most >= FEWEST or len(shape) > 8:
+        groups.append(alone)
+    return groups
+
+
+def _repeated(tokens: list[_Tokens], counts: Counter[tuple[str, ...]], height: int) -> _Records | None:
+    """Return readings of `height` lines each, if lines of different shapes follow each other in turn."""
+    lines = [one for one in tokens if one.numbers or _is_silence(one)]
+    usual = {shape for shape, count in counts.items() if count >= max(2, 0.1 * sum(counts.values()) / height)}
+    windows = Counter(
+        tuple(one.shape for one in lines[k : k + height])
+        for k in range(len(lines) - height + 1)
+        if all(one.shape in usual for one in lines[k : k + height])
+        and len({one.shape for one in lines[k : k + height]}) == height
+    )
+    if not windows:
+        return None
+    shapes = _first_of_cycle(lines, windows)
+    rows, k = [], 0
+    while k + height <= len(lines):
+        if tuple(one.shape for one in lines[k : k + height]) == shapes:
+            rows.append(lines[k : k + height])
+            k += height
+        else:
+            k += 1
+    return _Records(rows, height) if len(rows) >= FEWEST and len(rows) * height >= 0.5 * len(lines) else None
+
+
+def _is_silence(line: _Tokens) -> bool:
+    words = line.literals[0].rpartition(":")[2].strip()
+    return is_no_echo(words) and bool(words)
+
+
+def _first_of_cycle(lines: list[_Tokens], windows: Counter[tuple[tuple[str, ...], ...]]) -> tuple[tuple[str, ...], ...]:
+    """Return the order of lines in a reading: the angle first, unless another line begins more often."""
+    common = windows.most_common(1)[0][1]
+    candidates = [shapes for shapes, count in windows.items() if count >= 0.7 * common]
+
+    def rank(shapes: tuple[tuple[str, ...], ...]) -> tuple[bool, bool]:
+        first = _phrase(shapes[0][0], ())
+        return first.quantity is ColumnKind.ANGLE, lines[0].shape == shapes[0]
+
+    return max(candidates, key=rank)
+
+
+def _phrase(text: str, german_words: Iterable[str]) -> NameMeaning:
+    """Return what the words before a number say: the last one with a meaning decides."""
+    words = words_of(text)
+    german = is_german([*words, *german_words])
+    for k in range(len(words) - 1, -1, -1):
+        meaning = meaning_of(" ".join(words[k:]), german)
+        if meaning.quantity in (ColumnKind.ANGLE, ColumnKind.RANGE, ColumnKind.UNSUPPORTED) and len(words[k]) > 1:
+            return meaning
+    whole = meaning_of(" ".join(words), german)
+    return whole
+
+
+_SUFFIX = re.compile(r"\s*([^\W\d_]+|[°º\"])(?![^\W\d_])\.?\s*(?![:=])")
+
+
+@dataclass(frozen=True)
+class _Label:
+    """What the words around a number say."""
+
+    meaning: NameMeaning
+    named: bool  # whether any word is there
+
+
+def _labels(literals: Sequence[str], named: list[NameMeaning] | None) -> list[_Label]:
+    words = [word for literal in literals for word in words_of(literal)]
+    german = is_german(words)
+    starts: list[str] = list(literals)  # what remains of a literal after the unit of the number before
+    suffixes: list[NameMeaning] = [NameMeaning()] * len(literals)
+    for k in range(1, len(literals)):
+        match = _SUFFIX.match(literals[k].split("\n")[0])
+        if match and (unit := unit_of_word(match[1], german)).quantity is not None:
+            suffixes[k] = unit
+            starts[k] = literals[k][match.end() :]
+    labels = []
+    for k in range(len(literals) - 1):
+        key = named[k] if named and k < len(named) else _phrase(starts[k], words)
+        labels.append(_Label(_combined(key, suffixes[k + 1]), bool(words_of(starts[k]))))
+    return labels
+
+
+def _combined(key: NameMeaning, suffix: NameMeaning) -> NameMeaning:
+    """Return what a key before and a unit after a number say together."""
+    if suffix.quantity is None or key.quantity in (ColumnKind.TIME, ColumnKind.OTHER):
+        return key
+    if key.quantity is None or (key.quantity is suffix.quantity and suffix.unit is not None):
+        return replace(suffix, clockwise=key.clockwise)
+    if suffix.quantity is ColumnKind.UNSUPPORTED or suffix.doubtful:
+        return suffix
+    return key
+
+
+def _of_records(
+    records: _Records, lines: list[str], ends: str, stated: Layout, named: list[NameMeaning] | None, header: str
+) -> LayoutProposal:
+    literals = records.literals
+    count = len(literals) - 1
+    if count == 0 or len(records.rows) < (1 if count > 8 else FEWEST):
+        return LayoutProposal()
+    if records.height == 1 and count >= 6 and not named and (ring := _ring(records, lines, ends, stated)) is not None:
+        return ring
+    if count > 12:
+        return LayoutProposal()
+    labels = _labels(literals, named)
+    columns = [records.column(k) for k in range(count)]
+    roles = _radar_roles(literals, columns, ends) or _roles(columns, labels)
+    if isinstance(roles, str):
+        return LayoutProposal(None, questions=(roles,), lines=len(lines), example=lines[len(lines) // 2][:60])
+    heading, ranges, evidence = roles
+    reach = _range_unit([number for k in ranges for number in columns[k]], labels[ranges[0]].meaning, stated)
+    units = {labels[k].meaning.unit for k in ranges}
+    if len(units) > 1:
+        return LayoutProposal(None, questions=(f"{lines[-1][:60]!r}: ranges in several units; write a pattern=",))
+    facts = [f"header {header!r}"] if header else []
+    if heading is None:
+        angle, clockwise = _Unit(None), False
+    else:
+        angle = _angle_unit(columns[heading], labels[heading].meaning, stated)
+        clockwise = labels[heading].meaning.clockwise
+    pattern = _pattern(literals, heading, ranges, angle, reach, stated)
+    layout = replace(
+        stated,
+        preset="",
+        pattern=pattern,
+        unit=stated.unit or (reach.unit if reach.assumed else None),
+        angle=stated.angle or (angle.unit if angle.assumed else None),
+        ends=ends,
+    )
+    layout = _as_preset(layout, lines, reach, angle)
+    if layout.preset == "arduino-radar" and stated.unit is None:
+        reach = _Unit("cm", False, "range in centimetres: the sketch that separates readings by '.' or '#' prints them")
+    proposal = _joined(layout, clockwise, angle, reach, lines, *facts, *evidence)
+    if heading is None:
+        proposal = replace(proposal, questions=(*proposal.questions, *_step_question(stated, 1)))
+    return proposal
+
+
+def _pattern(
+    literals: Sequence[str], heading: int | None, ranges: Sequence[int], angle: _Unit, reach: _Unit, stated: Layout
+) -> str:
+    text = _escaped(literals[0].lstrip())
+    for k in range(len(literals) - 1):
+        if k == heading:
+            text += "{angle}" if angle.unit is None or angle.assumed or stated.angle else f"{{{angle.unit}}}"
+        elif k in ranges:
+            text += "{range}" if reach.unit is None or reach.assumed or stated.unit else f"{{{reach.unit}}}"
+        else:
+            text += "{-}"
+        last = k == len(literals) - 2
+        text += _escaped(literals[k + 1].rstrip() if last else literals[k + 1])
+    return text
+
+
+def _escaped(text: str) -> str:
+    return text.replace("\n", "\\n")
+
+
+def _as_preset(layout: Layout, lines: list[str], reach: _Unit, angle: _Unit) -> Layout:
+    """Return the layout as a preset where one reads the same lines."""
+    if layout.ends in (".", "#") and layout.pattern in ("{deg},{range}", "{deg}*{range}"):
+        return replace(layout, preset="arduino-radar", pattern="", ends="", unit=None)
+    if reach.unit is not None and sum(bool(ANGLE_DISTANCE.fullmatch(line)) for line in lines) >= 0.8 * len(lines):
+        return replace(layout, preset="angle-distance", pattern="")
+    if (
+        layout.pattern in ("{deg},{range}", "{angle},{range}", "{deg} {range}", "{deg};{range}", "{deg}\t{range}")
+        and not layout.ends
+    ):
+        return replace(layout, preset="csv", pattern="")
+    return layout
+
+
+# which number is the angle, and which the range
+
+
+def sweeps(numbers: Sequence[float]) -> float:
+    """Return how regularly numbers change, from 0 to 1: those of an angle have equal steps and equal repetitions."""
+    if len(numbers) < FEWEST or len({*numbers}) < 3:
+        return 0.0
+    runs: list[int] = [1]
+    steps = []
+    for before, after in pairwise(numbers):
+        if after == before:
+            runs[-1] += 1
+        else:
+            runs.append(1)
+            steps.append(round(abs(after - before), 6))
+    usual = median(steps)
+    tolerance = max(1e-3 * usual, 2e-4)
+    same = sum(abs(step - usual) <= max(tolerance, 0.02 * usual) for step in steps) / len(steps)
+    inner = runs[1:-1] or runs
+    usual_run = Counter(inner).most_common(1)[0][1] / len(inner)
+    return same * usual_run
+
+
+def turns_back(numbers: Sequence[float]) -> bool:
+    """Return whether numbers grow and fall, or jump back: an angle does, a counter does not."""
+    signs = {math.copysign(1, after - before) for before, after in pairwise(numbers) if after != before}
+    return len(signs) > 1
+
+
+_REGULAR, _IRREGULAR, _EXACT = 0.75, 0.6, 0.97
+_MOST_STEPS = 100_000  # of an angle that is counted in steps
+_CLEARLY = 0.1  # difference of two such shares
+
+
+_Roles = tuple[int | None, list[int], list[str]]  # columns of the angle and of the ranges, and the evidence
+
+
+def _roles(columns: list[list[float]], labels: list[_Label]) -> _Roles | str:
+    """Return the columns of the angle and of the ranges, with the evidence; or the question that decides."""
+    meanings = [label.meaning for label in labels]
+    angles = [k for k, one in enumerate(meanings) if one.quantity is ColumnKind.ANGLE]
+    ranges = [k for k, one in enumerate(meanings) if one.quantity is ColumnKind.RANGE]
+    unsupported = [one.word for one in meanings if one.quantity is ColumnKind.UNSUPPORTED]
+    if unsupported and not ranges:
+        return f"{unsupported[0]!r} is not a unit of a range; expected {', '.join(RANGE_UNITS)}"
+    if len(angles) > 1:
+        moving = [k for k in angles if len({*columns[k]}) > 1]
+        if len(moving) != 1:
+            return "several numbers are named as angles; write a pattern="
+        angles = moving
+    free = [
+        k
+        for k, one in enumerate(meanings)
+        if one.quantity in (None, ColumnKind.UNSUPPORTED) and len({*columns[k]}) > 1 and k not in (*angles, *ranges)
+    ]
+    evidence: list[str] = []
+    if not angles:
+        found = _angle_among(columns, free, bool(ranges))
+        if isinstance(found, str):
+            return found
+        angles = [] if found is None else [found]
+        if angles and not labels[angles[0]].named:
+            evidence.append(f"angle: number {angles[0] + 1} of the line, because it sweeps")
+    if not ranges:
+        rest = [k for k in free if k not in angles]
+        rest = [k for k in rest if not _is_counter(columns[k])] or rest
+        if len(rest) != 1:
+            return (
+                "no number is a range by its name or numbers"
+                if not rest
+                else "several numbers may be the range; write a pattern="
+            )
+        if not angles:
+            # a single number that neither sweeps nor is named
+            return "no number is named as a range or sweeps as an angle; write a pattern="
+        ranges = rest
+        evidence.append(f"range: number {rest[0] + 1} of the line, because it does not sweep")
+    return (angles[0] if angles else None), ranges, evidence
+
+
+def _radar_roles(literals: tuple[str, ...], columns: list[list[float]], ends: str) -> _Roles | None:
+    """Return the roles of the sketch "Arduino radar", which prints `90,23.`; None for other text."""
+    if ends not in (".", "#") or [literal.strip() for literal in literals] not in (["", ",", ""], ["", "*", ""]):
+        return None
+    angle, distance = (sweeps(column) for column in columns)
+    plausible = min(columns[0]) >= 0 and max(columns[0]) <= 360
+    return (0, [1], []) if plausible and angle >= max(_REGULAR, distance - 0.01) else None
+
+
+def _is_counter(numbers: Sequence[float]) -> bool:
+    """Return whether numbers only grow, as times and counters do."""
+    return not turns_back(numbers) and sweeps(numbers) >= _IRREGULAR
+
+
+def _angle_among(columns: list[list[float]], free: list[int], range_is_named: bool) -> int | str | None:
+    """Return the column that sweeps; None if none does; a question if several may be the angle."""
+    scores = {k: sweeps(columns[k]) for k in free if max(map(abs, columns[k])) <= _MOST_STEPS}
+    regular = [k for k, score in scores.items() if score >= _REGULAR]
+    if not regular:
+        return None
+    # a time or a counter grows in equal steps, too
+    turning = [k for k in regular if turns_back(columns[k])]
+    counters = [k for k in regular if k not in turning and _may_be_counter(columns[k])]
+    candidates = [k for k in regular if k not in counters] if turning else regular
+    best = max(candidates, key=scores.__getitem__)
+    others = [k for k in candidates if k != best and scores[k] > scores[best] - _CLEARLY]
+    if counters and scores[best] < _EXACT:
+        others += counters
+    if not range_is_named:
+        others += [k for k in scores if k not in (*candidates, *counters) and scores[k] > scores[best] - _CLEARLY]
+    if others:
+        names = " and ".join(f"number {k + 1}" for k in sorted({best, *others}))
+        return f"{names} of the line both sweep: write a pattern= with {{deg}} for the angle"
+    return best
+
+
+def _may_be_counter(numbers: Sequence[float]) -> bool:
+    """Return whether numbers that only grow may be a time or a counter: by ones, or farther than an angle."""
+    step = abs(numbers[1] - numbers[0])
+    return max(map(abs, numbers)) > MOST_HEADING or step == 1.0
+
+
+# many numbers in a line: rings of sensors, whole sweeps
+
+
+def _ring(records: _Records, lines: list[str], ends: str, stated: Layout) -> LayoutProposal | None:
+    """Recognise lines in which one or two numbers repeat; None if nothing repeats."""
+    tokens = [row[0] for row in records.rows]
+    literals = records.literals
+    count = len(literals) - 1
+    for skipped in (0, 1, 2):
+        for width in (1, 2):
+            if (count - skipped) % width or (count - skipped) // width < 4:
+                continue
+            inner = [literal.strip() for literal in literals[skipped + 1 : count]]
+            if any(inner[k] != inner[k + width] for k in range(len(inner) - width)):
+                continue
+            flag = [float(row.numbers[0].replace(",", ".")) for row in tokens]
+            rest = [[float(text.replace(",", ".")) for text in row.numbers[1:]] for row in tokens]
+            if skipped == 0 and width == 1 and _is_flag(flag, rest):
+                continue
+            found = _repeated_numbers(tokens, literals, skipped, width, lines, ends, stated)
+            if found is not None:
+                return found
+    return None
+
+
+def _repeated_numbers(
+    tokens: list[_Tokens],
+    literals: tuple[str, ...],
+    skipped: int,
+    width: int,
+    lines: list[str],
+    ends: str,
+    stated: Layout,
+) -> LayoutProposal | None:
+    rows = [[float(text.replace(",", ".")) for text in one.numbers] for one in tokens]
+    sensors = (len(literals) - 1 - skipped) // width
+    body = list(literals[skipped + 1 : skipped + 1 + width])
+    labels = _labels((literals[skipped] if skipped == 0 else "", *body), None)
+    last = width - 1
+    numbers = [row[skipped + last + width * k] for row in rows for k in range(sensors)]
+    reach = _range_unit(numbers, labels[last].meaning, stated)
+    field_text = "{range}" if reach.unit is None or reach.assumed or stated.unit else f"{{{reach.unit}}}"
+    angle, facts = _Unit(None), [f"{sensors} readings in a line"]
+    if width == 2:
+        first = [[row[skipped + width * k] for k in range(sensors)] for row in rows]
+        counts = all(one == [*range(sensors)] or one == [*range(1, sensors + 1)] for one in first)
+        if counts or labels[0].meaning.quantity is ColumnKind.OTHER:
+            lead = "{-}"
+        elif sweeps(first[0]) >= _REGULAR or labels[0].meaning.quantity is ColumnKind.ANGLE:
+            angle = _angle_unit(first[0], labels[0].meaning, stated)
+            lead = "{angle}" if angle.unit is None or angle.assumed else f"{{{angle.unit}}}"
+        else:
+            return None
+        repeated = f"{lead}{body[0]}{field_text}{body[1]}"
+    else:
+        lead = ""
+        repeated = f"{field_text}{body[0]}"
+    start = literals[0].lstrip() if skipped == 0 else ""
+    prefix = "".join(f"{literals[k]}{{-}}" for k in range(skipped)).lstrip() + (literals[skipped] if skipped else "")
+    if skipped == 0 and start:
+        prefix = start
+    pattern = _escaped(f"{prefix}[{repeated}]...")
+    layout = replace(
+        stated,
+        preset="",
+        pattern=pattern,
+        unit=stated.unit or (reach.unit if reach.assumed else None),
+        angle=stated.angle or (angle.unit if angle.assumed else None),
+        ends=ends,
+    )
+    proposal = _joined(layout, False, angle, reach, lines, *facts)
+    if lead in ("", "{-}"):
+        proposal = replace(proposal, questions=(*proposal.questions, *_step_question(stated, sensors)))
+    return proposal
+
+
+def _is_flag(first: Sequence[float], rest: Sequence[Sequence[float]]) -> bool:
+    """Return whether the first number of each line is a flag or a counter: 0 or 1, while the others are ranges."""
+    small = all(number in (0, 1) for number in first)
+    others = [number for row in rest for number in row]
+    return (
+        small and bool(others) and median(others) > 5 and sum(number in (0, 1) for number in others) < 0.1 * len(others)
+    )

@@ -1,0 +1,193 @@
+"""What names of columns, keys and units mean: a quantity and a unit, in the languages of sketches."""
+
+import math
+import re
+import unicodedata
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+from sonarhw.sound_speed import speed_of_sound
+
+
+class ColumnKind(StrEnum):
+    """What a column of numbers contains."""
+
+    ANGLE = "angle"
+    RANGE = "range"
+    TIME = "time"
+    OTHER = "other"  # numbers of readings and sensors, temperatures
+    UNSUPPORTED = "unsupported"  # takes the place of a range, as a voltage does
+
+
+_ECHO_US = speed_of_sound() / 2 * 1e-6  # m of range for 1 µs of the echo time, at 20 °C
+RANGE_UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048, "us": _ECHO_US}  # m
+UNIT_NAMES = {
+    "m": "metres",
+    "cm": "centimetres",
+    "mm": "millimetres",
+    "in": "inches",
+    "ft": "feet",
+    "us": "microseconds of echo time",
+    "deg": "degrees",
+    "rad": "radians",
+    "gon": "gradians",
+    "step": "steps",
+}
+ANGLE_UNITS = {"deg": 1.0, "rad": math.degrees(1.0), "gon": 0.9}  # degrees; the size of a step is a setting
+STEP = "step"  # the unit of an angle that is counted in steps
+
+
+@dataclass(frozen=True)
+class NameMeaning:
+    """What a name says about its numbers."""
+
+    quantity: ColumnKind | None = None  # None: unknown
+    unit: str | None = None  # of RANGE_UNITS or ANGLE_UNITS, or STEP; None: not stated
+    clockwise: bool = False
+    word: str = ""  # that states the unit or the unsupported quantity, as written
+    doubtful: tuple[str, ...] = ()  # units that the word may mean, if there are several
+
+
+def _words(text: str) -> frozenset[str]:
+    return frozenset(text.split())
+
+
+_ANGLES = _words(
+    "heading angle angles ang bearing azimuth theta servo pan yaw turret rotation position pos a "
+    "winkel richtung angulo angolo giro aci hoek kat kierunek ugol угол sudut 角度 角 direccion ugao"
+)
+_RANGES = _words(
+    "range ranges distance distances dist d r echo sonar ultrasonic ultrasound sonic length depth reading "
+    "abstand distanz entfernung distancia distanza afstand uzaklik mesafe odleglosc dystans vzdalenost portee "
+    "jarak расстояние дистанция 距离 距離 alcance reichweite avstand udaljenost"
+)
+_ECHO_TIMES = _words("duration pulse pulsewidth tof flight pulso dauer duree sure")
+_TIMES = _words(
+    "time t ms s sec secs seconds millis timestamp stamp millisecond milliseconds zeit tiempo temps tempo zaman czas"
+)
+_OTHERS = _words(
+    "n no nr num number index idx id i count counter seq sequence sample sensor sweep pass direction dir ping pings "
+    "temp temperature humidity battery rssi quality strength speed light x y z lux status state flag conf confidence "
+    "min max checksum crc bat version"
+)
+_UNSUPPORTED = _words("voltage volt volts v mv adc raw counts db dbm ma amps yd yards km mi miles bar kpa")
+_RANGE_WORDS = {
+    "m": "m meter meters metre metres metro metros metri metr mts mtr",
+    "cm": "cm cms centimeter centimeters centimetre centimetres zentimeter centimetro centimetros centimetri "
+    "santimetre",
+    "mm": "mm millimeter millimeters millimetre millimetres milimetro milimetros millimetri milimetre milimeter",
+    "in": 'in inch inches " pulgada pulgadas zoll pouce pouces pollici polegada polegadas inc inci cal cale duim',
+    "ft": "ft foot feet pie pies fuss pied pieds piedi pes pe fit stopa",
+    "us": "us usec usecs microsecond microseconds mikrosekunden microsegundos mikrosaniye microsecondes",
+}
+_ANGLE_WORDS = {
+    "deg": "deg degs degree degrees ° º grados grado graus grau gradi derece degre degres graden stopnie "
+    "stopni градусов",
+    "rad": "rad rads radian radians radianes radiant bogenmass radianti radyan",
+    "gon": "gon gons gradian gradians grads",
+    STEP: "step steps schritt schritte paso pasos passo passi adim pas stap stappen krok kroki microstep microsteps",
+}
+_OF_RANGES = {word: unit for unit, words in _RANGE_WORDS.items() for word in words.split()}
+_OF_ANGLES = {word: unit for unit, words in _ANGLE_WORDS.items() for word in words.split()}
+_CLOCKWISE = _words("cw clockwise")
+_GERMAN = _words("winkel abstand entfernung distanz richtung messung zoll schritt zentimeter")
+_LETTERS = str.maketrans({"ı": "i", "İ": "i", "ß": "ss", "ł": "l", "Ł": "l", "µ": "u", "μ": "u", "ø": "o", "″": '"'})
+NO_ECHO = (
+    *("out of range", "out-of-range", "no echo", "none", "null", "nan", "inf", "infinity", "timeout", "-", "--", "---"),
+    *(
+        "fuera de rango",
+        "sin eco",
+        "kein echo",
+        "ausser reichweite",
+        "hors de portee",
+        "fora de alcance",
+        "menzil disi",
+    ),
+    *("n/a", "na", "no object", "error", "err", "oor", "clear", "fuori portata", "buiten bereik", "poza zasiegiem"),
+)
+
+
+def folded(text: str) -> str:
+    """Return a text in lower case without accents."""
+    plain = unicodedata.normalize("NFKD", text.translate(_LETTERS))
+    return "".join(char for char in plain if not unicodedata.combining(char)).lower()
+
+
+def words_of(name: str) -> list[str]:
+    """Return the words in a name, in lower case and without accents: `rangeMm` has two."""
+    spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
+    return re.findall(r'[^\W\d_]+|[°º"]', folded(spaced).replace("º", "°"))
+
+
+def unit_of_word(word: str, german: bool = False) -> NameMeaning:
+    """Return the quantity and unit that a word after a number states; nothing for an unknown word.
+
+    The German `Grad` is a degree, the English `grad` a gradian.
+    """
+    plain = folded(word).strip("()[].")
+    if plain == "grad":
+        unit = "deg" if german else None
+        return NameMeaning(ColumnKind.ANGLE, unit, word=word, doubtful=() if german else ("deg", "gon"))
+    if plain in _OF_RANGES:
+        return NameMeaning(ColumnKind.RANGE, _OF_RANGES[plain], word=word)
+    if plain in _OF_ANGLES:
+        return NameMeaning(ColumnKind.ANGLE, _OF_ANGLES[plain], word=word)
+    if plain in _UNSUPPORTED:
+        return NameMeaning(ColumnKind.UNSUPPORTED, word=word)
+    return NameMeaning()
+
+
+def meaning_of(name: str, german: bool = False) -> NameMeaning:
+    """Return what a name of a column or key says. Its first word is the quantity, one of the others the unit."""
+    words = words_of(name)
+    if not words:
+        return NameMeaning()
+    first, clockwise = words[0], bool(_CLOCKWISE & set(words))
+    units = [unit for word in words[1:] if (unit := unit_of_word(word, german)).quantity is not None]
+    quantity = _quantity(first)
+    if len(words) > 1 and (quantity is None or first == "sensor"):
+        quantity = _quantity(words[1]) or quantity  # "front distance"
+    alone = unit_of_word(first, german)
+    if quantity is None:  # the unit alone, such as "cm" or "Inches"
+        return replace(alone, clockwise=clockwise) if alone.quantity else _unsupported(units)
+    # the last one: "Distance in cm"
+    stated = next((unit for unit in reversed(units) if unit.quantity in (quantity, ColumnKind.UNSUPPORTED)), None)
+    if quantity is ColumnKind.RANGE and first in _ECHO_TIMES and stated is None:
+        return NameMeaning(quantity, None, clockwise, first, ("us",))
+    if quantity is ColumnKind.UNSUPPORTED:
+        return NameMeaning(quantity, word=first)
+    if stated is None:
+        return NameMeaning(quantity, None, clockwise)
+    if stated.quantity is ColumnKind.UNSUPPORTED and quantity is ColumnKind.RANGE:
+        return stated
+    return NameMeaning(quantity, stated.unit, clockwise, stated.word, stated.doubtful)
+
+
+def _unsupported(units: list[NameMeaning]) -> NameMeaning:
+    return next((unit for unit in units), NameMeaning())
+
+
+def _quantity(word: str) -> ColumnKind | None:
+    if word in _ECHO_TIMES:
+        return ColumnKind.RANGE
+    for quantity, names in (
+        (ColumnKind.ANGLE, _ANGLES),
+        (ColumnKind.RANGE, _RANGES),
+        (ColumnKind.TIME, _TIMES),
+        (ColumnKind.OTHER, _OTHERS),
+        (ColumnKind.UNSUPPORTED, _UNSUPPORTED),
+    ):
+        if word in names:
+            return quantity
+    return None
+
+
+def is_german(words: Iterable[str]) -> bool:
+    """Return whether one of these words is a German one of such texts."""
+    return any(folded(word) in _GERMAN for word in words)
+
+
+def is_no_echo(text: str) -> bool:
+    """Return whether a text in place of a range means no echo."""
+    return folded(text).strip(" .!") in NO_ECHO
