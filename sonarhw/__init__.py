@@ -22,12 +22,14 @@ Predict
 - `room_from_arrays`: a room from polygons, segments and posts.
 - `load_board`, `board_names`, `Board`: board profiles.
 - `predict`, `PredictionOptions`, `PredictedScan`: the prediction of a scan.
+- `predict_ranges`: the ranges at many poses, on all cores.
 
 Compare
 - `scan_from_arrays`, `GivenScan`: a scan from headings and ranges.
 - `compare`, `Comparison`, `explain_reading`: each reading beside its prediction, and its cause in words.
 - `fit`, `FitOptions`, `FitResult`, `PlacedScan`: pose, board and room that explain scans best.
 - `locate`, `Located`: the possible poses of a scan in a known room.
+- `log_likelihood`, `Tracker`, `Tracked`: how well readings fit many poses, and the pose of a robot that moves.
 - `map_room`, `map_scans`, `RoomMap`: an unknown room from several scans.
 - `compare_scans`: two scans by heading, without a room. `find_missing`: changes of the room that explain misfits.
 - `load_study`, `run_study`, `read_study`: many predictions; needs the extra `study`.

@@ -27,6 +27,7 @@ from sonarhw_compare.one_call import (
 )
 from sonarhw_compare.scans import GivenScan, scan_from_arrays
 from sonarhw_compare.study import load_study, read_study, run_study
+from sonarhw_compare.track import Tracked, Tracker, log_likelihood
 from sonarhw_sim import (
     Board,
     Place,
@@ -39,7 +40,7 @@ from sonarhw_sim import (
     room_names,
     save_room,
 )
-from sonarhw_sim.predict.prediction import predict
+from sonarhw_sim.predict.prediction import predict, predict_ranges
 from sonarhw_sim.room.room_arrays import room_from_arrays
 
 from .device.fake_board import FakeBoard
@@ -86,6 +87,8 @@ __all__ = [
     "Scanner",
     "SonarError",
     "Trace",
+    "Tracked",
+    "Tracker",
     "board_names",
     "calibrate",
     "compare",
@@ -101,11 +104,13 @@ __all__ = [
     "load_room",
     "load_study",
     "locate",
+    "log_likelihood",
     "map_room",
     "map_scans",
     "open_scanner",
     "pings_in_place",
     "predict",
+    "predict_ranges",
     "read_faults",
     "read_log",
     "read_study",

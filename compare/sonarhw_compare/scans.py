@@ -220,7 +220,7 @@ def scan_from_arrays(
     degrees, or ranges centimetres.
     """
     turned = arguments.in_radians("headings", arguments.angles("headings", headings), degrees)
-    echoes = _echoes(ranges, len(turned))
+    echoes = echoes_of(ranges, len(turned))
     arguments.warn_of_centimetres("ranges", echoes[..., 0])
     started = 0.1 * np.arange(len(turned)) if times is None else _times(times, len(turned))
     speed = Air().speed_of_sound if speed_of_sound is None else speed_of_sound
@@ -244,7 +244,7 @@ def scan_from_arrays(
     return GivenScan("the scan", tuple(readings), pose=None if pose is None else _pose(pose, degrees))
 
 
-def _echoes(ranges: ArrayLike, headings: int) -> FloatArray:
+def echoes_of(ranges: ArrayLike, headings: int) -> FloatArray:
     """Return the echoes of each ping, (n, pings, echoes) m, not finite without an echo. Raises InputError."""
     read = arguments.numbers_in("ranges", ranges, _RANGES)
     read = np.atleast_1d(read)

@@ -306,6 +306,10 @@ class Objective:
         totals[inside] = self.many(smooth[inside])
         return totals
 
+    def without_prior(self, values: FloatArray) -> FloatArray:
+        """Return the log-likelihood of several vectors (m, size), (m,), also outside the bounds."""
+        return np.asarray(self._by_reading(values, 0).sum(axis=1))
+
     def by_reading(self, values: FloatArray, scan: int) -> FloatArray:
         """Return the log-likelihood of each reading of a scan, (n,)."""
         return np.asarray(self._by_reading(values[None], scan)[0])

@@ -29,6 +29,8 @@ WRONG: dict[str, list[Any]] = {
     "place": NO_PLACE,
     "places": [object(), 5, [1, 2, 3, 4], ["nowhere"], [[math.nan, 1]], [[1]]],
     "board": [*NONSENSE, 3, ROOM, "laboratory", PAIR[0]],
+    "poses": [*NO_ARRAY, [[1, 2, 3, 4]], [[math.nan, 1, 0]], [[1e9, 1, 0]], 3],
+    "pair": [*NO_ARRAY, 1, [1, 2, 3], [-1, 1], [math.nan, 1]],
     "headings": [*NO_ARRAY, [math.nan], [math.inf], np.zeros((2, 3))],
     "ranges": [*NO_ARRAY, [-1.0] * 8, [1.0] * 3, np.zeros(8)],
     "number": NO_NUMBER,
@@ -56,6 +58,24 @@ CALLS: list[tuple[Callable[..., Any], dict[str, Any], dict[str, str]]] = [
         {"room": ROOM, "place": (1, 1), "board": BOARD, "headings": HEADINGS},
         {"room": "room", "place": "place", "board": "board", "headings": "headings", "degrees": "flag"}
         | {"model": "choice", "options": "options"},
+    ),
+    (
+        sonarhw.predict_ranges,
+        {"room": ROOM, "poses": [[1, 1, 0]], "headings": HEADINGS, "board": BOARD},
+        {"room": "room", "poses": "poses", "board": "board", "headings": "headings", "degrees": "flag"}
+        | {"levels": "flag", "height": "number", "options": "options"},
+    ),
+    (
+        sonarhw.log_likelihood,
+        {"room": ROOM, "poses": [[1, 1, 0]], "headings": HEADINGS, "ranges": SCAN.ranges, "board": BOARD},
+        {"room": "room", "poses": "poses", "headings": "headings", "ranges": "ranges", "board": "board"}
+        | {"degrees": "flag", "cell": "share", "receiver": "choice"},
+    ),
+    (
+        sonarhw.Tracker,
+        {"room": ROOM, "board": BOARD, "start": (1, 1, 0)},
+        {"room": "room", "board": "board", "start": "place", "particles": "whole", "spread": "pair", "drift": "pair"}
+        | {"model": "choice", "cell": "share", "seed": "whole"},
     ),
     (
         sonarhw.compare,

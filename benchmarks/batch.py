@@ -1,0 +1,89 @@
+"""What `predict_ranges` and `log_likelihood` cost for each pose, beside single predictions, in alternating runs.
+
+    python -m benchmarks.batch [--poses 100] [--rounds 3]
+
+Prints processor time for each pose, the ratio, how many readings differ by more than 1 mm from single predictions, and
+how much faster all cores are than one, by the clock.
+"""
+
+import argparse
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from sonarhw_compare.free_space import find_free_space
+from sonarhw_compare.track import PoseLikelihood
+from sonarhw_sim import compiled
+
+import sonarhw
+from sonarhw.readings import FloatArray
+
+SETTINGS = (
+    ("arena", "hc-sr04"),
+    ("laboratory", "hc-sr04"),
+    ("arena", "polaroid-6500"),
+    ("laboratory", "polaroid-6500"),
+)
+HEADINGS = np.arange(16) * np.radians(22.5)
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Processor time and time by the clock of a call, s."""
+
+    processor: float
+    clock: float
+
+
+def cost_of(call: Callable[[], object]) -> Cost:
+    """Return the cost of one call."""
+    processor, clock = time.process_time(), time.perf_counter()
+    call()
+    return Cost(time.process_time() - processor, time.perf_counter() - clock)
+
+
+def one_by_one(room: sonarhw.Room, board: sonarhw.Board, poses: FloatArray) -> FloatArray:
+    """Return the ranges of single predictions."""
+    return np.array([sonarhw.predict(room, pose[:2], board, pose[2] + HEADINGS).ranges for pose in poses])
+
+
+def measure(name: str, board_name: str, count: int, rounds: int) -> str:
+    """Return a line of the table."""
+    room, board = sonarhw.load_room(name), sonarhw.load_board(board_name)
+    random, space = np.random.default_rng(1), find_free_space(room)
+    poses = np.array([(*space.draw(random, 0.1), random.uniform(0, 2 * np.pi)) for _ in range(count)])
+    single = one_by_one(room, board, poses)
+    many = np.asarray(sonarhw.predict_ranges(room, poses, HEADINGS, board))
+    other = (np.isnan(single) != np.isnan(many)) | (np.abs(single - many) > 0.001)
+    near = poses[0] + random.normal(size=(1000, 3)) * (0.1, 0.1, 0.1)
+    likelihood = PoseLikelihood(room, board)
+    likelihood(near, HEADINGS, single[0])  # searches the paths of the cells
+    alone, together, weighed = [], [], []
+    for _ in range(rounds):
+        alone.append(cost_of(lambda: one_by_one(room, board, poses)))
+        together.append(cost_of(lambda: sonarhw.predict_ranges(room, poses, HEADINGS, board)))
+        weighed.append(cost_of(lambda: likelihood(near, HEADINGS, single[0])))
+    before, after = (min(cost.processor for cost in costs) / count * 1e3 for costs in (alone, together))
+    in_cells = min(cost.processor for cost in weighed)
+    threads = min(cost.processor for cost in together) / min(cost.clock for cost in together)
+    return (
+        f"{name:10} {board_name:13}  {before:6.2f} ms  {after:6.2f} ms  {before / after:4.1f}  {other.mean():7.2%}"
+        f"  {threads:5.2f}  {in_cells:.3f} ms"
+    )
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--poses", type=int, default=100)
+    parser.add_argument("--rounds", type=int, default=3)
+    given = parser.parse_args()
+    print(f"{given.poses} poses, {len(HEADINGS)} headings, {compiled.core_count()} cores; processor time for each pose")
+    print("room       board          predict    predict_ranges  ratio  other  cores  log-likelihood in cells")
+    for setting in SETTINGS:
+        print(measure(*setting, given.poses, given.rounds))
+
+
+if __name__ == "__main__":
+    main()
