@@ -211,14 +211,12 @@ class PlainLabel(QtWidgets.QLabel):
         super().setToolTip(plain_tip(text))
 
 
-class TitleLabel(PlainLabel):
-    """A bold label."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__(text)
-        bold = QFont()
-        bold.setBold(True)  # only this property: a style sheet would keep the colour of the look that it was made in
-        self.setFont(bold)
+def title_label(text: str) -> PlainLabel:
+    """Return a bold label."""
+    label, bold = PlainLabel(text), QFont()
+    bold.setBold(True)  # only this property: a style sheet would keep the colour of the look that it was made in
+    label.setFont(bold)
+    return label
 
 
 def plain_tip(text: str) -> str:

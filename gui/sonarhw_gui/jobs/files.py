@@ -6,10 +6,9 @@ import re
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from enum import StrEnum
 from itertools import count, zip_longest
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO, Literal, TypeAlias
 from xml.etree import ElementTree
 
 import numpy as np
@@ -52,19 +51,19 @@ _MOST_NAMES = 10
 
 
 @dataclass(frozen=True)
-class LogOpened:
-    """A log and its scene; the room is None if the log contains none."""
+class Opened:
+    """A log and its scene, or the scene of a room file at its first place; without a room if the log contains none."""
 
-    path: Path
-    log: Log
+    path: Path | None  # None: a shipped room
     scene: Scene
+    log: Log | None = None
     notice: str = ""  # where an imported file was stored
 
 
-def open_log(path: Path, last_scene: Scene | None = None) -> LogOpened:
+def open_log(path: Path, last_scene: Scene | None = None) -> Opened:
     """Read a log; `last_scene`: the scene of the last session instead of that in the log. Raises InputError."""
     log = read_log(path)
-    return LogOpened(path, log, last_scene or scene_of_log(log.metadata))
+    return Opened(path, last_scene or scene_of_log(log.metadata), log)
 
 
 def read_grown_log(path: Path) -> tuple[Path, Log, float]:
@@ -74,7 +73,7 @@ def read_grown_log(path: Path) -> tuple[Path, Log, float]:
     return path, log, time.perf_counter() - began
 
 
-def import_scan(csv: CsvRead, folder: Path) -> LogOpened:
+def import_scan(csv: CsvRead, folder: Path) -> Opened:
     """Write the readings of a CSV file as a log in `folder`, and read it. Raises InputError, LogError, OutputError."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -85,30 +84,23 @@ def import_scan(csv: CsvRead, folder: Path) -> LogOpened:
     return replace(open_log(path), notice=f"{csv.path.name} was imported as {path.name}, in {folder}")
 
 
-@dataclass(frozen=True)
-class RoomOpened:
-    """The scene of a room file, at its first place."""
-
-    path: Path | None  # None: a shipped room
-    scene: Scene
-
-    def at_known_place(self, here: Scene, recorded: str) -> Scene:
-        """Return the scene at the place of `here` if that is the same room, which was reloaded.
-
-        Else at the place where the readings were recorded, if the room has a place of this name.
-        """
-        room, reloaded = self.scene.room, here.room is not None and here.room_file == self.scene.room_file
-        for name in (here.pose.name if reloaded else "", recorded):
-            if room is not None and name in room.places:
-                return replace(self.scene, place=room.place(name))
-        return self.scene
-
-
-def open_room(room_name: Path | str, board: Board) -> RoomOpened:
+def open_room(room_name: Path | str, board: Board) -> Opened:
     """Read a room file, or a shipped room by its name, for a board. Raises InputError."""
     room = load_room(room_name)
     path = room_name if isinstance(room_name, Path) else None
-    return RoomOpened(path, scene_with(board, room, first_place(room), file_name(room_name)))
+    return Opened(path, scene_with(board, room, first_place(room), file_name(room_name)))
+
+
+def at_kept_place(opened: Scene, shown: Scene, recorded: str) -> Scene:
+    """Return an opened scene at the place shown if that is in the same room, which was reloaded.
+
+    Else at the place where the readings were `recorded`, if the room has a place of this name.
+    """
+    room, reloaded = opened.room, shown.room is not None and shown.room_file == opened.room_file
+    for name in (shown.pose.name if reloaded else "", recorded):
+        if room is not None and name in room.places:
+            return replace(opened, place=room.place(name))
+    return opened
 
 
 def free_name(folder: Path, stem: str, suffix: str) -> Path:
@@ -155,18 +147,8 @@ class Documents:
 LOOK_EVERY = 1.0  # s between two looks at a file
 
 
-class Stamp(NamedTuple):
-    """What differs after a change of a file."""
-
-    changed_ns: int  # time of the last change, since the epoch
-    size: int  # bytes
-
-
-class WatchedFile(StrEnum):
-    """What a file contains."""
-
-    ROOM = "room"
-    BOARD = "board"
+Stamp: TypeAlias = tuple[int, int]  # what a change of a file changes: its time, ns since the epoch, and its size, bytes
+WatchedFile: TypeAlias = Literal["room", "board"]
 
 
 def changed_outside(path: Path, text: str) -> str:
@@ -239,7 +221,7 @@ def stamp_of(path: Path) -> Stamp | None:
         status = os.stat(path)
     except OSError:
         return None
-    return Stamp(status.st_mtime_ns, status.st_size)
+    return status.st_mtime_ns, status.st_size
 
 
 TORN_AFTER = 3.0  # s without growth, after which a log that was just written is reported as torn
@@ -261,7 +243,7 @@ class FollowedLog:
         """Follow a torn log; None: it is in no file. The warning is due when the log no longer grows, else now."""
         self._path, self._stamp = path, None if path is None else stamp_of(path)
         self._look_at, self._grown_at = now, -math.inf
-        in_use = self._stamp is not None and time.time() - self._stamp.changed_ns / 1e9 < _RECENT
+        in_use = self._stamp is not None and time.time() - self._stamp[0] / 1e9 < _RECENT
         self._warning, self._warn_at = warning, now + (TORN_AFTER if in_use else 0.0)
 
     def stop(self) -> None:

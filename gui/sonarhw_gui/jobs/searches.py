@@ -17,7 +17,7 @@ from sonarhw.errors import InputError
 from sonarhw.readings import Reading
 from sonarhw_gui.jobs.jobs import JobProgress, Jobs
 from sonarhw_gui.model.edits import Edit, room_and_place, with_sensor_at
-from sonarhw_gui.model.look import LengthUnit, residual_unit
+from sonarhw_gui.model.look import LengthUnit
 from sonarhw_gui.model.scene import NOWHERE, Scene, room_name
 from sonarhw_gui.model.shown import OverlaidScan, Shown
 
@@ -291,7 +291,7 @@ def value_text(one: "Parameter", value: float, unit: LengthUnit) -> str:
         case "m" if one.quantity.word == "position":
             return _signed(unit.text(value))
         case "m":
-            small = residual_unit(unit)
+            small = unit.small
             return _signed(f"{value * small.per_metre:+z.{small.decimals + 1}f} {small.label}")
         case "":
             return f"{value:.3f}"
@@ -303,7 +303,7 @@ def _as_known(one: "Parameter", value: float, estimate: "Estimate", unit: Length
     """Return a value with as many digits as its deviation justifies; a position in the unit of its deviation."""
     if one.quantity.word != "position":
         return value_text(one, value, unit)
-    small = residual_unit(unit)
+    small = unit.small
     decimals = min(2, _decimals(estimate.deviation * small.per_metre))
     return _signed(f"{value * small.per_metre:z.{decimals}f} {small.label}")
 
@@ -313,7 +313,7 @@ def _deviation(one: "Parameter", estimate: "Estimate", unit: LengthUnit) -> str:
         case "°":
             return f"± {_two_figures(math.degrees(estimate.deviation))}°"
         case "m":
-            small = residual_unit(unit)
+            small = unit.small
             return f"± {_two_figures(estimate.deviation * small.per_metre)} {small.label}"
         case printed:
             return f"± {_two_figures(estimate.deviation)} {printed}".rstrip()

@@ -66,14 +66,6 @@ class NamedEcho:
 
 
 @dataclass(frozen=True)
-class Gain:
-    """The gain of the receiver, which compensates the loss along the path."""
-
-    curve: Curve  # dB
-    stepped: bool
-
-
-@dataclass(frozen=True)
 class ChosenTrace:
     """The content of the trace view."""
 
@@ -83,7 +75,8 @@ class ChosenTrace:
     predicted: TraceCurves | None
     echo_times: FloatArray  # s, as reported by the board
     echoes: tuple[NamedEcho, ...]
-    gain: Gain
+    gain: Curve  # of the receiver, dB: it compensates the loss along the path
+    stepped_gain: bool  # whether the gain has steps
     blanking: float  # s
     threshold_db: float
     floor_db: float  # end of the level axis
@@ -121,6 +114,7 @@ def chosen_trace(scene: Scene, reading: Reading | None, prediction: PredictedSca
         echo_times=np.array(() if reading is None else reading.echo_times, dtype=np.float64),
         echoes=() if prediction is None else _echoes(prediction, index, receiver),
         gain=_gain(board, receiver, air.speed_of_sound, duration),
+        stepped_gain=is_stepped(board, receiver),
         blanking=board.blanking_end,
         threshold_db=board.threshold_db,
         floor_db=floor,
@@ -150,13 +144,13 @@ def _predicted(signal: Signal, measured: Trace | None, board: Board, floor: floa
     return TraceCurves(envelope, Curve(np.arange(len(samples)) / rate, samples), rate, undersampled)
 
 
-def _gain(board: Board, receiver: Receiver, speed: float, duration: float) -> Gain:
+def _gain(board: Board, receiver: Receiver, speed: float, duration: float) -> Curve:
     if is_stepped(board, receiver):
         ends = np.array([0.0, *(time for time in board.gain_steps if time < duration), duration])
         levels = stepped_gain_db((ends[:-1] + ends[1:]) / 2, board)
-        return Gain(Curve(np.repeat(ends, 2)[1:-1], np.repeat(levels, 2)), True)
+        return Curve(np.repeat(ends, 2)[1:-1], np.repeat(levels, 2))
     times = np.linspace(duration / _GAIN_POINTS, duration, _GAIN_POINTS)
-    return Gain(Curve(times, path_loss_db(times * speed, board)), False)
+    return Curve(times, path_loss_db(times * speed, board))
 
 
 def _echoes(prediction: PredictedScan, index: int, receiver: Receiver) -> tuple[NamedEcho, ...]:
@@ -194,14 +188,6 @@ _SAMPLE = 0.004  # m between samples of a predicted envelope, in warm air
 
 
 @dataclass(frozen=True)
-class MeasuredRow:
-    """One measured row, and its reading."""
-
-    reading: Reading
-    levels: FloatArray  # (cells,)
-
-
-@dataclass(frozen=True)
 class BScanRows:
     """The rows computed so far, by `heading_key`."""
 
@@ -209,14 +195,14 @@ class BScanRows:
     cells: pictures.RangeCells
     traced: bool  # whether measured rows come from traces; else from echo times
     outline: PredictedScan | None  # the prediction of the predicted rows
-    measured: Mapping[int, MeasuredRow] = field(default_factory=dict)
+    measured: Mapping[int, tuple[Reading, FloatArray]] = field(default_factory=dict)  # the levels are (cells,)
     predicted: Mapping[int, FloatArray] = field(default_factory=dict)
     done: float = 0.0  # share of all rows
     unreadable: str = ""  # error of the last unreadable trace
 
     def images(self) -> tuple[pictures.BScan, pictures.BScan]:
         """Return the measured and the predicted B-scan."""
-        measured = pictures.bscan_of({key: row.levels for key, row in self.measured.items()}, self.cells)
+        measured = pictures.bscan_of({key: levels for key, (_, levels) in self.measured.items()}, self.cells)
         spacing = None if self.outline is None else pictures.row_width(self.outline.headings)
         return measured, pictures.bscan_of(self.predicted, self.cells, spacing)
 
@@ -274,14 +260,14 @@ def _predicted_headings(outline: PredictedScan, wanted: Mapping[int, Reading], z
 
 def _measured_rows(rows: BScanRows, wanted: Mapping[int, Reading], until: float) -> BScanRows:
     before = ((key, rows.measured.get(key)) for key in wanted)
-    computed = {key: row for key, row in before if row is not None and row.reading is wanted[key]}
+    computed = {key: row for key, row in before if row is not None and row[0] is wanted[key]}
     unreadable = rows.unreadable
     for key in [key for key in wanted if key not in computed]:
         try:
             levels = _measured_row(wanted[key], rows)
         except SonarError as error:
             levels, unreadable = pictures.echo_row((), rows.cells), str(error)
-        computed[key] = MeasuredRow(wanted[key], levels)
+        computed[key] = wanted[key], levels
         if time.monotonic() > until:
             break
     return replace(rows, measured=computed, unreadable=unreadable)
@@ -351,14 +337,6 @@ class ColourScale:
 
 
 @dataclass(frozen=True)
-class PanePicture:
-    """The picture of one pane, and its colours."""
-
-    pixels: BScanPixels
-    scale: ColourScale
-
-
-@dataclass(frozen=True)
 class BScans:
     """The part of the B-scan that is computed so far."""
 
@@ -366,7 +344,7 @@ class BScans:
     rows: BScanRows
     measured: pictures.BScan
     predicted: pictures.BScan
-    pictures: Mapping[Pane, PanePicture]
+    pictures: Mapping[Pane, tuple[BScanPixels, ColourScale]]
 
 
 @lru_cache(maxsize=16)
@@ -483,12 +461,12 @@ def _drawn(
     palette: Palette,
     measured: pictures.BScan,
     predicted: pictures.BScan,
-) -> PanePicture:
+) -> tuple[BScanPixels, ColourScale]:
     floor = pictures.floor_of(board)
     scale = colour_scale(pane, settings.decibels, floor, palette)
     floor_db = floor if settings.decibels else None
     polar = Arm(*arm(board)) if settings.polar else None
     if pane is Pane.DIFFERENCE:
-        return PanePicture(draw_bscan(pictures.difference(measured, predicted, floor_db), scale, None, polar), scale)
+        return draw_bscan(pictures.difference(measured, predicted, floor_db), scale, None, polar), scale
     image = measured if pane is Pane.MEASURED else predicted
-    return PanePicture(draw_bscan(image, scale, floor_db, polar), scale)
+    return draw_bscan(image, scale, floor_db, polar), scale

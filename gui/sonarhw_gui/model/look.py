@@ -87,23 +87,16 @@ MARKS: dict[Class, Mark] = {
 }
 
 
-@dataclass(frozen=True)
-class Overlay:
-    """The mark of a scan that is drawn over the one shown; readable on both papers."""
-
-    colour: str
-    symbol: str  # pyqtgraph's name
-
-
+# the marks of scans that are drawn over the one shown, readable on both papers: colour, and pyqtgraph's symbol
 OVERLAYS = (
-    Overlay("#8E6BD8", "h"),
-    Overlay("#1C9C9C", "d"),
-    Overlay("#A6761D", "p"),
-    Overlay("#D6336C", "s"),
-    Overlay("#5B8C2A", "t2"),
-    Overlay("#7787A5", "star"),
-    Overlay("#C04CC0", "t3"),
-    Overlay("#B0554A", "o"),
+    ("#8E6BD8", "h"),
+    ("#1C9C9C", "d"),
+    ("#A6761D", "p"),
+    ("#D6336C", "s"),
+    ("#5B8C2A", "t2"),
+    ("#7787A5", "star"),
+    ("#C04CC0", "t3"),
+    ("#B0554A", "o"),
 )
 
 
@@ -212,16 +205,26 @@ _SMALLEST, _LARGEST = 0.7, 2.5  # text scale
 
 
 class LengthUnit(Enum):
-    """The unit of displayed lengths. All values are metres until they are displayed."""
+    """The unit of displayed lengths. All values are metres until they are displayed.
+
+    The user chooses one of `UNITS`; the others are for residuals.
+    """
 
     M = ("m", 1.0, 3)
     CM = ("cm", 100.0, 1)
     FT = ("ft", 1 / 0.3048, 2)
+    MM = ("mm", 1000.0, 0)
+    INCH = ("in", 1 / 0.0254, 2)
 
     def __init__(self, label: str, per_metre: float, decimals: int) -> None:
         self.label = label
         self.per_metre = per_metre
         self.decimals = decimals
+
+    @property
+    def small(self) -> "LengthUnit":
+        """The unit of residuals beside ranges in this one: they are about a hundredth of a range."""
+        return {LengthUnit.M: LengthUnit.MM, LengthUnit.FT: LengthUnit.INCH}.get(self, self)
 
     def of(self, metres: float) -> float:
         """Return a length in this unit."""
@@ -235,6 +238,14 @@ class LengthUnit(Enum):
         """Return the text of a length with its unit."""
         return f"{self.of(metres):z.{self.decimals}f} {self.label}"
 
+    def signed(self, metres: float) -> str:
+        """Return the text of a residual with its sign, without the unit."""
+        length = round(self.of(metres), self.decimals)
+        return f"{length:+.{self.decimals}f}" if length else f"{0:.{self.decimals}f}"
+
+
+UNITS = LengthUnit.M, LengthUnit.CM, LengthUnit.FT
+
 
 @dataclass(frozen=True)
 class Look:
@@ -247,32 +258,3 @@ class Look:
     def scaled(self, scale: float) -> "Look":
         """Return the same look with another text scale, limited to readable sizes that fit the window."""
         return replace(self, scale=min(max(scale, _SMALLEST), _LARGEST))
-
-
-# The unit of displayed residuals. They are about a hundredth of a range, so their unit is smaller.
-
-
-@dataclass(frozen=True)
-class ResidualUnit:
-    """A small unit of length."""
-
-    label: str
-    per_metre: float
-    decimals: int
-
-    def text(self, metres: float) -> str:
-        """Return the text of a residual with its sign, without the unit."""
-        length = round(metres * self.per_metre, self.decimals)
-        return f"{length:+.{self.decimals}f}" if length else f"{0:.{self.decimals}f}"
-
-
-_UNITS = {
-    LengthUnit.M: ResidualUnit("mm", 1000.0, 0),
-    LengthUnit.CM: ResidualUnit("cm", 100.0, 1),
-    LengthUnit.FT: ResidualUnit("in", 1 / 0.0254, 2),
-}
-
-
-def residual_unit(unit: LengthUnit) -> ResidualUnit:
-    """Return the unit of residuals for ranges in `unit`."""
-    return _UNITS[unit]

@@ -13,7 +13,7 @@ from sonarhw_compare.match import Kind
 from sonarhw.errors import text_cell
 from sonarhw.readings import BoolArray, FloatArray, Origin, Reading
 from sonarhw_gui.jobs.forecast import NO_PATH, ComparedScan, IntArray
-from sonarhw_gui.model.look import MARKS, Class, Look, Unclassed, residual_unit
+from sonarhw_gui.model.look import MARKS, Class, Look, Unclassed
 from sonarhw_gui.model.scene import NO_NOTES, NoteTexts, Scene
 
 CLASSES: tuple[Class, ...] = (*Kind, *Unclassed)  # begins with the codes of `Stretch.kinds`
@@ -147,7 +147,7 @@ def cell_text(rows: ReadingRows, row: int, column: Column, look: Look) -> str:
             return _length(rows.predicted[row], look)
         case Column.RESIDUAL:
             residual = float(rows.measured[row] - rows.predicted[row])
-            return _NOTHING if math.isnan(residual) else residual_unit(look.unit).text(residual)
+            return _NOTHING if math.isnan(residual) else look.unit.small.signed(residual)
         case Column.CLASS:
             return class_name(CLASSES[rows.classes[row]])
     return rows.path(row)
@@ -161,7 +161,7 @@ def column_name(column: Column, look: Look, origin: Origin) -> str:
         case Column.PREDICTED:
             return f"predicted ({look.unit.label})"
         case Column.RESIDUAL:
-            return f"residual ({residual_unit(look.unit).label})"
+            return f"residual ({look.unit.small.label})"
         case Column.NUMBER:
             return "no."
     return column.name.lower()

@@ -28,19 +28,12 @@ from sonarhw_gui.model.scene import NO_NOTES, NoteTexts, Scene, bounce_losses, d
 
 if TYPE_CHECKING:
     from sonarhw_compare.pictures import RangeShading
+    from sonarhw_compare.rooms.outcome import NextPlace
 
 # What a search for the room draws in the plan: walls and posts found so far, readings, and the next place to scan.
 
 
 NO_POINTS = np.empty((0, 2))
-
-
-@dataclass(frozen=True, eq=False)
-class NextScan:
-    """A place for another scan."""
-
-    position: tuple[float, float]  # m
-    sectors: tuple[tuple[float, float], ...]  # rad: begin and end of the headings with most of the gain
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +46,7 @@ class FoundDrawing:
     chosen_posts: FloatArray  # (0 or 1, 3)
     speaking_for: FloatArray  # (k, 2), echoes that speak for the selected wall or post
     against: FloatArray  # (l, 2)
-    next_scan: NextScan | None = None
+    next_scan: "NextPlace | None" = None
 
 
 # A scan that is drawn over the one shown.
@@ -62,12 +55,7 @@ class FoundDrawing:
 SHOWN = -1  # in a pair: the readings shown
 
 
-@dataclass(frozen=True)
-class ScanPair:
-    """Numbers in the list of two scans that are compared; SHOWN: the readings shown."""
-
-    first: int
-    second: int
+ScanPair: TypeAlias = tuple[int, int]  # numbers in the list of two scans that are compared
 
 
 @dataclass(frozen=True, eq=False)

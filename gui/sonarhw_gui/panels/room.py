@@ -249,7 +249,7 @@ class MaterialGroup(Group):
             self.rows.removeRow(0)
         self.sliders = {}
         for row, (name, material) in enumerate(self._known.items()):
-            self.rows.insertRow(3 * row, widgets.TitleLabel(name))
+            self.rows.insertRow(3 * row, widgets.title_label(name))
             reflectance, scatter = (
                 self._slider(value, partial(self._set_share, name, value.key), tip)
                 for value, tip in zip(_SHARES, (_OF_TABLE if material.table else "", ""), strict=True)

@@ -28,10 +28,10 @@ from sonarhw.readings import BoolArray, FloatArray
 from sonarhw_gui.jobs import searches
 from sonarhw_gui.jobs.searches import rows
 from sonarhw_gui.model.edits import Edit, with_room
-from sonarhw_gui.model.look import OVERLAYS, LengthUnit, residual_unit
+from sonarhw_gui.model.look import OVERLAYS, LengthUnit
 from sonarhw_gui.model.rows import ReadingRows
 from sonarhw_gui.model.scene import first_place
-from sonarhw_gui.model.shown import NO_POINTS, SHOWN, FoundDrawing, NextScan, OverlaidScan, ScanPair, Shown, proposal_of
+from sonarhw_gui.model.shown import NO_POINTS, SHOWN, FoundDrawing, OverlaidScan, ScanPair, Shown, proposal_of
 from sonarhw_gui.session.session import WindowSession
 from sonarhw_gui.widgets import PlainLabel, button, ignore_wheel_without_focus, plain_tip, short_list, stacked
 
@@ -507,7 +507,7 @@ def drawing_of(state: searches.FindState, row: int) -> FoundDrawing | None:
         posts[number : number + 1] if chosen and number >= 0 else posts[:0],
         _points(found, found.supports[row].speaking(1)) if chosen else NO_POINTS,
         _points(found, found.supports[row].speaking(-1)) if chosen else NO_POINTS,
-        NextScan(state.places[0].position, state.places[0].sectors) if state.places else None,
+        state.places[0] if state.places else None,
     )
 
 
@@ -553,7 +553,7 @@ def _deviations(state: searches.FindState, row: int, unit: LengthUnit) -> str:
         return ""
     from sonarhw_compare.rooms.search import Move  # loaded by the search
 
-    small, deviations = residual_unit(unit), answer.found.deviations
+    small, deviations = unit.small, answer.found.deviations
 
     def length(what: str, which: int, part: int) -> str:
         return f"{deviations[Move(what, which, part)] * small.per_metre:.{max(small.decimals, 1)}f} {small.label}"
@@ -634,7 +634,7 @@ class ScansPanel(QtWidgets.QWidget):
             item.setCheckState(Qt.CheckState.Checked if scan.visible else Qt.CheckState.Unchecked)
             self.list.addItem(item)
         self.list.setCurrentRow(min(max(row, 0), len(scans) - 1))
-        chosen_pair = (SHOWN, SHOWN) if pair is None else (pair.first, pair.second)
+        chosen_pair = (SHOWN, SHOWN) if pair is None else pair
         for box, chosen in zip((self.first, self.second), chosen_pair, strict=True):
             box.clear()
             box.addItem("scan shown", SHOWN)
@@ -694,15 +694,15 @@ def _show(visible: bool, *parts: QtWidgets.QWidget) -> None:
 
 def _icon(style: int) -> QIcon:
     """Return the mark of a scan as an icon."""
-    overlay = OVERLAYS[style]
+    colour, symbol = OVERLAYS[style]
     picture = QPixmap(_ICON, _ICON)
     picture.fill(Qt.GlobalColor.transparent)
     painter = QPainter(picture)
     painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-    pen = QPen(QColor(overlay.colour), 0.14)
+    pen = QPen(QColor(colour), 0.14)
     painter.translate(QPointF(_ICON / 2, _ICON / 2))
     painter.scale(_ICON - 5, _ICON - 5)
     painter.setPen(pen)
-    painter.drawPath(pg.graphicsItems.ScatterPlotItem.Symbols[overlay.symbol])
+    painter.drawPath(pg.graphicsItems.ScatterPlotItem.Symbols[symbol])
     painter.end()
     return QIcon(picture)

@@ -18,7 +18,7 @@ from sonarhw.errors import InputError, OutputError, SonarError
 from sonarhw.files import open_input, replace_regular, unfinished_file
 from sonarhw.readings import Reading
 from sonarhw_gui.jobs.files import free_name
-from sonarhw_gui.model.look import DARK, LIGHT, LengthUnit, Look
+from sonarhw_gui.model.look import DARK, LIGHT, UNITS, LengthUnit, Look
 from sonarhw_gui.model.scene import NO_NOTES, NoteTexts, Scene, SceneMemory, room_name
 from sonarhw_gui.session.notices import Notice, NoticeButton, Notices, Until
 from sonarhw_gui.session.scanner import ScanSettings
@@ -28,6 +28,7 @@ from sonarhw_gui.session.scanner import ScanSettings
 
 _MOST_BYTES = 64_000_000  # of a file
 _PALETTES = {palette.name: palette for palette in (LIGHT, DARK)}
+_UNITS = {unit.name: unit for unit in UNITS}
 T = TypeVar("T")
 
 
@@ -152,7 +153,7 @@ def _texts(file: QSettings, name: str) -> tuple[str, ...]:
 
 def _look(file: QSettings) -> Look:
     """Return the look; an unknown palette or unit is replaced by the default."""
-    unit = LengthUnit.__members__.get(_text(file, "look/unit"), LengthUnit.M)
+    unit = _UNITS.get(_text(file, "look/unit"), LengthUnit.M)
     scale = TypeAdapter(float).validate_python(file.value("look/scale", 1.0))
     return Look(_PALETTES.get(_text(file, "look/palette"), LIGHT), unit).scaled(scale)
 

@@ -151,24 +151,16 @@ class Notices(QObject):
                 self.fail(str(error))
 
 
-@dataclass(frozen=True)
-class Compiled:
-    """How many kernels are compiled; a prediction does not need all `known` ones."""
-
-    done: int
-    known: int
-
-
 class Preparation(Watcher):
     """Progress of the compilation at the first start, which reports from its threads."""
 
     def __init__(self) -> None:
-        self.progress: Compiled | None = None  # None while nothing is compiled
+        self.progress: tuple[int, int] | None = None  # compiled and all kernels; None while nothing is compiled
         self._doubt = ""
 
     def compiling(self, done: int, known: int) -> None:
         """Note the progress."""
-        self.progress = Compiled(done, known)
+        self.progress = done, known
 
     def compiled(self) -> None:
         """Note that compilation has ended for now."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from queue import SimpleQueue
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -785,11 +785,7 @@ _STAYS = "It stays in its room, at its place and with its board"
 _CLOSE = 1e-4  # m or rad; a `fake:` URL states no more
 
 
-class FakeNote(NamedTuple):
-    """What the status bar says of a fake scanner."""
-
-    text: str = FAKE
-    tip: str = _MEANS
+FAKE_NOTE = FAKE, _MEANS  # what the status bar says of a fake scanner: text and tooltip
 
 
 @dataclass(frozen=True)
@@ -821,12 +817,12 @@ class ScannerPlace:
             return f"at {own.place.name}"
         return "" if own.board == shown.board else f"with board {own.board.name}"
 
-    def note(self, shown: Scene) -> FakeNote:
-        """Return what is to be known of a fake scanner: where it is if that is not what is shown, or what it hides."""
+    def note(self, shown: Scene) -> tuple[str, str]:
+        """Return text and tooltip on a fake scanner: where it is if that is not what is shown, or what it hides."""
         text = FAKE
         if where := self.difference(shown):
             text = f"fake scanner, {f'still {where}' if self.follow is None else f'{where} until the next scan'}"
-        return FakeNote(text, f"{_MEANS}. {_STAYS if self.follow is None else _FOLLOWS}")
+        return text, f"{_MEANS}. {_STAYS if self.follow is None else _FOLLOWS}"
 
     def doubt(self, shown: Scene) -> str:
         """Return why a scan does not fit the scene that is shown; else empty."""

@@ -29,7 +29,7 @@ from sonarhw_gui.model.shown import Shown
 from sonarhw_gui.session.kept import Kept
 from sonarhw_gui.session.notices import Notice, NoticeButton, Notices, Preparation, Until
 from sonarhw_gui.session.scanner import (
-    FakeNote,
+    FAKE_NOTE,
     Live,
     ScannerChoice,
     ScannerFinder,
@@ -307,7 +307,7 @@ class WindowSession(QObject):
         """Predict with the board profile in a file. An invalid profile is reported and changes nothing."""
         try:
             self.showing.edit(*with_board(self.shown.scene, load_board(path)))
-            self.files.watch(files.WatchedFile.BOARD, Path(path))
+            self.files.watch("board", Path(path))
         except InputError as error:
             self.notices.fail(str(error))
 
@@ -356,7 +356,7 @@ class WindowSession(QObject):
         self.showing.take_saved(room, file.name)
         self.kept.rooms.saved(self.shown.scene)
         self.showing.refresh()
-        self.files.watch(files.WatchedFile.ROOM, file)
+        self.files.watch("room", file)
 
     def save(
         self, write: Callable[[BinaryIO], None], endings: Sequence[str], path: Path, overwrite: bool = False
@@ -465,18 +465,18 @@ class WindowSession(QObject):
     def _settle_search(self) -> None:
         self.notices.end(Until.SEARCH_CHANGED)
 
-    def _take_opened(self, take: Callable[[Any], None], opened: files.LogOpened | files.RoomOpened) -> None:
+    def _take_opened(self, take: Callable[[Any], None], opened: files.Opened) -> None:
         if opened.path is not None:
             self.documents.add(opened.path)
         self.recent_changed.emit(self.documents.recent)
         if not self.live.running:  # else requested before the scan began; it would change the room of the scan
             take(opened)
-        if isinstance(opened, files.LogOpened) and opened.notice:
+        if opened.notice:
             self.notices.fail(opened.notice)
 
-    def _take_log(self, opened: files.LogOpened) -> None:
+    def _take_log(self, opened: files.Opened) -> None:
         self.notices.clear()
-        self.files.watch(files.WatchedFile.ROOM, None)
+        self.files.watch("room", None)
         here, metadata = self.shown.scene, opened.log.metadata
         if self.replay is None:
             self._before_replay = here
@@ -486,14 +486,14 @@ class WindowSession(QObject):
         if opened.scene.room_file != metadata.room_file:  # restored; edits of the own room need no warning
             self._warn_if_recorded_elsewhere(opened.scene)
 
-    def _take_room(self, opened: files.RoomOpened) -> None:
-        scene = opened.at_known_place(self.shown.scene, self.source.recorded_in.place)
+    def _take_room(self, opened: files.Opened) -> None:
+        scene = files.at_kept_place(opened.scene, self.shown.scene, self.source.recorded_in.place)
         self._scanner_place = place = self._scanner_place.moved(scene)
         if place.follow is None and (doubt := place.doubt(scene)):
             self.notices.warn(doubt)
         self._warn_if_recorded_elsewhere(scene)
         self.set_scene(scene)
-        self.files.watch(files.WatchedFile.ROOM, opened.path)
+        self.files.watch("room", opened.path)
         self.room_opened.emit()
 
     def _take_grown(self, grown: tuple[Path, Log, float]) -> None:
@@ -520,7 +520,7 @@ class WindowSession(QObject):
             self.jobs.run("follow a log", files.read_grown_log, grown, then=self._take_grown, lane="open files")
         for what, path in self.files.changed(now):
             again = NoticeButton("Reload the board", self.open_board, str(path))
-            if what is files.WatchedFile.ROOM:
+            if what == "room":
                 again = NoticeButton("Reload the room", self.open_room, path)
             self.notices.add(Notice(f"{path.name} has changed on disk", again))
 
@@ -585,7 +585,7 @@ class WindowSession(QObject):
             temperature = readings[-1].temperature_c if readings else None
             replay = ReplayState(self.replay.name, self.replay.lost, temperature, self._followed.grows(now))
         if source.origin is Origin.FAKE:
-            note = self._scanner_place.note(scene) if replay is None else FakeNote()
+            note = self._scanner_place.note(scene) if replay is None else FAKE_NOTE
         same_room = live.scene is not None and room_name(scene) == room_name(live.scene)
         return Status(
             job=live.job,

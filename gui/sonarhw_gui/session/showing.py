@@ -544,7 +544,7 @@ class ScanList(QObject):
         """Remove a scan."""
         if 0 <= row < len(self.scans):
             self.scans = self.scans[:row] + self.scans[row + 1 :]
-            self._set(ScanPair(len(self.scans) - 1, SHOWN) if self.scans else None)
+            self._set((len(self.scans) - 1, SHOWN) if self.scans else None)
 
     @Slot(int, bool)
     def switch(self, row: int, visible: bool) -> None:
@@ -558,7 +558,7 @@ class ScanList(QObject):
     @Slot(int, int)
     def compare(self, first: int, second: int) -> None:
         """Choose the two scans whose differences are shown."""
-        self._set(ScanPair(first, second))
+        self._set((first, second))
 
     @property
     def _name(self) -> str:
@@ -572,7 +572,7 @@ class ScanList(QObject):
             used = {other.style for other in self.scans}
             style = next((k for k in range(len(OVERLAYS)) if k not in used), len(self.scans) % len(OVERLAYS))
             self.scans = (*self.scans, replace(scan, style=style))
-        self._set(ScanPair(len(self.scans) - 1, SHOWN))
+        self._set((len(self.scans) - 1, SHOWN))
 
     def _set(self, pair: ScanPair | None) -> None:
         self.pair = pair

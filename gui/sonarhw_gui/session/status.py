@@ -2,27 +2,13 @@
 
 import math
 from dataclasses import dataclass
-from enum import StrEnum
 
 from sonarhw.errors import counted
 from sonarhw.readings import ScanOrder, headings_between
 from sonarhw.wire.limits import MOST_READINGS
 from sonarhw.wire.messages import microdegrees_of
 from sonarhw.wire.readings_of_frames import MOST_DRIFT
-from sonarhw_gui.session.notices import Compiled
-from sonarhw_gui.session.scanner import IDLE, FakeNote, JobState, LinkState, Phase, ScanSettings, trouble
-
-
-class Badge(StrEnum):
-    """The text of the badge: the state of the readings."""
-
-    NONE = "no scan"
-    LIVE = "live"
-    RECORDED = "recorded"
-    EARLIER = "earlier scan"  # of another scanner, or in another room
-    AWAY = "away"
-    LOST = "lost"
-    REPLAY = "replay"
+from sonarhw_gui.session.scanner import IDLE, JobState, LinkState, Phase, ScanSettings, trouble
 
 
 @dataclass(frozen=True)
@@ -42,7 +28,8 @@ class PredictionState:
     searching: bool = False
     outdated: bool = False  # whether the values shown are of the previous prediction
     uncompared: int = 0  # readings that are not compared with the newest prediction yet
-    preparing: Compiled | None = None  # progress of the compilation at the first start
+    # compiled and all kernels, at the first start; a prediction does not need all of them
+    preparing: tuple[int, int] | None = None
 
 
 @dataclass(frozen=True)
@@ -59,23 +46,26 @@ class Status:
     readings: int = 0
     rate: float = 0.0  # readings per second
     own_readings: bool = False  # whether the readings come from the connected scanner, in the shown room
-    fake: FakeNote | None = None  # on the fake scanner that makes the readings; None: it is another one
+    fake: tuple[str, str] | None = None  # text and tooltip on the fake scanner of the readings; None: it is another
 
     @property
-    def badge(self) -> Badge:
-        """The badge: live only while a connected scanner works."""
+    def badge(self) -> str:
+        """The text of the badge, the state of the readings: live only while a connected scanner works.
+
+        An earlier scan is of another scanner, or in another room.
+        """
         if self.replay is not None:
-            return Badge.REPLAY
+            return "replay"
         if self.trouble:
-            return Badge.AWAY
+            return "away"
         if self.link is None:
-            gone = Badge.LOST if self.job.phase is Phase.FAILED else Badge.AWAY
-            return gone if self.readings else Badge.NONE
+            gone = "lost" if self.job.phase is Phase.FAILED else "away"
+            return gone if self.readings else "no scan"
         if self.scanning:
-            return Badge.LIVE
+            return "live"
         if self.readings:
-            return Badge.RECORDED if self.own_readings else Badge.EARLIER
-        return Badge.NONE
+            return "recorded" if self.own_readings else "earlier scan"
+        return "no scan"
 
     @property
     def trouble(self) -> str:

@@ -103,19 +103,19 @@ class BScanPane:
 
     def draw(self, bscan: BScans, shown: Shown) -> None:
         """Draw the picture, the walls and the blanking line."""
-        picture, self._cells = bscan.pictures[self.kind], bscan.rows.cells
+        (pixels, scale), self._cells = bscan.pictures[self.kind], bscan.rows.cells
         self._middle, self._arm = shown.scene.pose.position, Arm(*arm(shown.scene.board))
         area = QRectF(*self._area(self._cells))
-        self._image.setImage(picture.pixels, autoLevels=False, levels=None)
+        self._image.setImage(pixels, autoLevels=False, levels=None)
         self._image.setRect(area)
         self._ground.setData(*self._at_range(self._cells.reach, closed=True).T)
         self._blanking.setData(*self._at_range(_blanked(shown)).T)
         room = shown.scene.room
         self._walls.setVisible(self._polar)
         self._walls.setData(*(wall_lines(room) if room else np.empty((0, 2))).T)
-        if self._scale is not picture.scale:
-            self._scale = picture.scale
-            self._draw_bar(picture.scale)
+        if self._scale is not scale:
+            self._scale = scale
+            self._draw_bar(scale)
 
     def point(self, shown: Shown) -> None:
         """Draw the selected heading and the linked cursor, and show or hide the blanking line."""

@@ -169,7 +169,7 @@ def _difference(shown: Shown) -> tuple[ScanDifference | None, str]:
     """Return the differences of the chosen pair and their summary, or None and the reason."""
     if shown.pair is None:
         return None, _HINT
-    (first, one), (second, other) = (_scan(shown, number) for number in (shown.pair.first, shown.pair.second))
+    (first, one), (second, other) = (_scan(shown, number) for number in shown.pair)
     try:
         found = scan_difference(one, other)
     except InputError as error:

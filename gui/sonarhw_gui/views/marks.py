@@ -15,7 +15,7 @@ from PySide6.QtWidgets import QStyleOptionGraphicsItem, QWidget
 from sonarhw_compare.headings import heading_text
 
 from sonarhw.readings import FloatArray
-from sonarhw_gui.model.look import LIGHT, MARKS, OVERLAYS, Class, LengthUnit, Look, residual_unit
+from sonarhw_gui.model.look import LIGHT, MARKS, OVERLAYS, Class, LengthUnit, Look
 from sonarhw_gui.model.scene import NoteTexts
 from sonarhw_gui.model.shown import ClassPoints, Shown
 from sonarhw_gui.model.theme import NOTE_SIZE, note_symbol
@@ -468,15 +468,15 @@ class OverlayMarks:
     """One scatter for each style."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
-        self.scatters = [Spots(size=_OVERLAY_SIZE, symbol=overlay.symbol, brush=None) for overlay in OVERLAYS]
+        self.scatters = [Spots(size=_OVERLAY_SIZE, symbol=symbol, brush=None) for _, symbol in OVERLAYS]
         for scatter in self.scatters:
             scatter.setZValue(_BELOW_MARKS)
             plot.addItem(scatter, ignoreBounds=True)
 
     def set_look(self, look: Look) -> None:
         """Use the width of lines of the screen."""
-        for scatter, overlay in zip(self.scatters, OVERLAYS, strict=True):
-            scatter.setPen(cosmetic_pen(overlay.colour, width=1.5))
+        for scatter, (colour, _) in zip(self.scatters, OVERLAYS, strict=True):
+            scatter.setPen(cosmetic_pen(colour, width=1.5))
 
     def draw(self, points: dict[int, FloatArray]) -> None:
         """Draw the points of each style, (n, 2) in plot coordinates; NaN is not drawn."""
@@ -498,8 +498,8 @@ def reading_tip(shown: Shown, index: int) -> str:
     if row is not None:
         lines.append(f"predicted {_length(row.predicted, shown.look.unit)}")
         if row.residual is not None:
-            unit = residual_unit(shown.look.unit)
-            lines.append(f"residual {unit.text(row.residual)} {unit.label}")
+            unit = shown.look.unit.small
+            lines.append(f"residual {unit.signed(row.residual)} {unit.label}")
         if row.kind in MARKS:
             lines.append(f"{MARKS[row.kind].name}: {MARKS[row.kind].meaning}")
     if note := shown.notes.of(index):

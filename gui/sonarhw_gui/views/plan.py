@@ -330,7 +330,7 @@ class SideBySide(QtWidgets.QWidget):
         self.gestures = base.Gestures(self)
         self._row = widgets.arranged(QtWidgets.QHBoxLayout(self), gap=1)
         self._created = False
-        self.title = widgets.TitleLabel("Measured")  # of the left plan: the origin of the readings
+        self.title = widgets.title_label("Measured")  # of the left plan: the origin of the readings
 
     @cached_property
     def measured(self) -> PlanDrawing:
@@ -362,7 +362,7 @@ class SideBySide(QtWidgets.QWidget):
         return self
 
     def _arrange(self) -> None:
-        for title, view in ((self.title, self.measured), (widgets.TitleLabel("Predicted"), self.predicted)):
+        for title, view in ((self.title, self.measured), (widgets.title_label("Predicted"), self.predicted)):
             self._row.addLayout(_titled(title, view), stretch=1)
         self.predicted.plot.setXLink(self.measured.plot)
         self.predicted.plot.setYLink(self.measured.plot)
@@ -370,7 +370,7 @@ class SideBySide(QtWidgets.QWidget):
             moved.plot.vb.sigRangeChangedManually.connect(other.note_frame)
 
 
-def _titled(title: widgets.TitleLabel, view: PlanDrawing) -> QtWidgets.QVBoxLayout:
+def _titled(title: widgets.PlainLabel, view: PlanDrawing) -> QtWidgets.QVBoxLayout:
     message = widgets.ElidedLabel()
     view.message_changed.connect(message.setText)
     head = QtWidgets.QHBoxLayout()

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pyqtgraph as pg
@@ -17,10 +18,13 @@ from sonarhw_sim.room.room import Room
 from sonarhw.readings import FloatArray
 from sonarhw_gui.model.look import Class, Look, ViewLayer
 from sonarhw_gui.model.scene import beam_wedge, bounce_labels, half_power_angle, surface_outlines, wall_lines
-from sonarhw_gui.model.shown import NO_POINTS, FoundDrawing, NextScan, Proposal, Shown, chosen_path
+from sonarhw_gui.model.shown import NO_POINTS, FoundDrawing, Proposal, Shown, chosen_path
 from sonarhw_gui.model.theme import text_font
 from sonarhw_gui.views.base import PlotLayer, cosmetic_pen, with_gaps
 from sonarhw_gui.views.marks import Placed, PlotLine, ReadingMarks, Spots
+
+if TYPE_CHECKING:
+    from sonarhw_compare.rooms.outcome import NextPlace
 
 # The layers of the plan: room, sensor with its beam, rays of one path, cursor and ruler.
 
@@ -454,7 +458,7 @@ class FoundLayer(SurfaceLayer):
         _set(self.against, NO_POINTS if found is None else found.against)
         self._draw_next(None if found is None else found.next_scan, walls)
 
-    def _draw_next(self, place: NextScan | None, walls: FloatArray) -> None:
+    def _draw_next(self, place: "NextPlace | None", walls: FloatArray) -> None:
         at = NO_POINTS if place is None else np.array([place.position])
         _set(self.next_scan, at)
         self._label.setVisible(place is not None)
@@ -472,7 +476,7 @@ def _set(item: PlotLine | Spots, points: FloatArray) -> None:
     item.setVisible(len(points) > 0)
 
 
-def _sectors(place: NextScan, reach: float) -> FloatArray:
+def _sectors(place: "NextPlace", reach: float) -> FloatArray:
     """Return the outlines of the sectors, (n, 2) m, with NaN between them."""
     middle, arcs = np.array([place.position]), []
     for begin, end in place.sectors:

@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QWidget
 from sonarhw_compare.match import TOLERANCE, Kind
 
 from sonarhw.readings import FloatArray
-from sonarhw_gui.model.look import Class, Look, ViewLayer, residual_unit
+from sonarhw_gui.model.look import Class, Look, ViewLayer
 from sonarhw_gui.model.scene import outline_ranges
 from sonarhw_gui.model.shown import Cursor, Shown
 from sonarhw_gui.model.theme import text_font
@@ -40,30 +40,18 @@ _BEHIND = -30  # z value, below grid, outline and marks
 _LEAST = 0.01  # smaller opacities are not drawn
 
 
-class ChanceShading(pg.ImageItem):  # type: ignore[misc]  # pyqtgraph has no types
-    """An image of probabilities over heading and range in one colour; empty without probabilities."""
-
-    def __init__(self) -> None:
-        super().__init__(axisOrder="row-major")
-        self.setZValue(_BEHIND)
-        self.setVisible(False)
-
-    def draw(self, chances: "RangeShading | None", colour: str) -> None:
-        """Draw `chances` in `colour`; None: nothing."""
-        self.setVisible(chances is not None)
-        if chances is None:
-            return
-        count = len(chances.headings)
-        # heading 0 again at 360°, so that both ends of the axis are shaded
-        opacities = np.vstack((chances.opacities, chances.opacities[:1]))
-        opacities = np.where(opacities < _LEAST, 0.0, opacities)
-        pixels = np.empty((*opacities.T.shape, 4), dtype=np.uint8)
-        shade = QColor(colour)
-        pixels[..., :3] = shade.red(), shade.green(), shade.blue()
-        pixels[..., 3] = np.round(255 * opacities.T)
-        self.setImage(pixels, autoLevels=False)
-        step = 360.0 / count
-        self.setRect(QRectF(-step / 2, 0.0, 360.0 + step, chances.reach))
+def _shade(image: pg.ImageItem, chances: "RangeShading", colour: str) -> None:
+    """Draw probabilities over heading and range in one colour."""
+    # heading 0 again at 360°, so that both ends of the axis are shaded
+    opacities = np.vstack((chances.opacities, chances.opacities[:1]))
+    opacities = np.where(opacities < _LEAST, 0.0, opacities)
+    pixels = np.empty((*opacities.T.shape, 4), dtype=np.uint8)
+    shade = QColor(colour)
+    pixels[..., :3] = shade.red(), shade.green(), shade.blue()
+    pixels[..., 3] = np.round(255 * opacities.T)
+    image.setImage(pixels, autoLevels=False)
+    step = 360.0 / len(chances.headings)
+    image.setRect(QRectF(-step / 2, 0.0, 360.0 + step, chances.reach))
 
 
 _MOST_RESIDUAL = 0.25  # m; a larger residual is an arrow at the edge
@@ -94,7 +82,9 @@ class RangeView(base.Canvas):
         self.ranges.getAxis("bottom").setStyle(showValues=False)
         self.ci.layout.setRowStretchFactor(0, 3)
         self.ci.layout.setRowStretchFactor(1, 2)
-        self.shading = ChanceShading()
+        self.shading = pg.ImageItem(axisOrder="row-major")
+        self.shading.setZValue(_BEHIND)
+        self.shading.setVisible(False)
         self.ranges.addItem(self.shading, ignoreBounds=True)
         self._outline = Outline()
         self.ranges.addItem(self._outline)
@@ -122,8 +112,8 @@ class RangeView(base.Canvas):
             self._set_look(shown.look)
         if shown.changed_since(before, lambda new: (new.outline,)):
             self._draw_outline(shown)
-        if shown.changed_since(before, lambda new: (new.chances, new.look)):
-            self.shading.draw(shown.chances, shown.look.palette.predicted)
+        if shown.chances is not None and shown.changed_since(before, lambda new: (new.chances, new.look)):
+            _shade(self.shading, shown.chances, shown.look.palette.predicted)
         self._outline.setVisible(shown.draws(ViewLayer.PREDICTED))
         self.shading.setVisible(shown.chances is not None and shown.draws(ViewLayer.PREDICTED))
         if not shown.same_readings(before):
@@ -208,7 +198,7 @@ class RangeView(base.Canvas):
         self._low = self._is_low(look)
         for plot, height in zip((self.ranges, self.residuals), _heights(look), strict=True):
             plot.setMinimumHeight(0 if self._low else height)
-        unit, axis = residual_unit(look.unit), self.residuals.getAxis("left")
+        unit, axis = look.unit.small, self.residuals.getAxis("left")
         axis.setScale(unit.per_metre)
         base.label_axis(axis, unit.label if self._low else f"residual ({unit.label})")
         base.label_length(self.ranges.getAxis("left"), "range", look)
@@ -217,7 +207,7 @@ class RangeView(base.Canvas):
         base.label_axis(self.residuals.getAxis("bottom"), "" if self._low else "heading in the room (°)")
 
     def _style_residuals(self, look: Look) -> None:
-        unit = residual_unit(look.unit)
+        unit = look.unit.small
         edge = f"{_MOST_RESIDUAL * unit.per_metre:.3g} {unit.label}"
         self.residuals.setToolTip(f"measured minus predicted; a residual beyond ±{edge} is an arrow at the edge")
         self._tolerance.setBrush(look.palette.tolerance)

@@ -253,9 +253,9 @@ class TraceMarks(base.PlotLayer):
             levels.append(-levels[0])
         ends = [(time, level) for level in levels for time in (trace.blanking, trace.duration)]
         self._threshold.setData(*np.array(ends).T)
-        begun = trace.gain.curve.times >= _FROM
-        placed = self._gain_axis.heights_of_gains(trace.gain.curve.values[begun], heights)
-        self._gain.setData(trace.gain.curve.times[begun], placed)
+        begun = trace.gain.times >= _FROM
+        placed = self._gain_axis.heights_of_gains(trace.gain.values[begun], heights)
+        self._gain.setData(trace.gain.times[begun], placed)
         data = [f"reported: {look.unit.text(trace.range_at(time))}, {time * 1e3:.2f} ms" for time in trace.echo_times]
         self._reported.setData(trace.echo_times, np.full(len(data), levels[0]), data)
 
@@ -670,6 +670,6 @@ def _title(trace: ChosenTrace | None, rf: bool, due: float | None = None, asked:
         parts.append("no prediction")
     elif rf and trace.predicted.undersampled:
         parts.append(f"both undersampled at {trace.predicted.rate / 1e3:.1f} kHz")
-    if trace.gain.stepped:
+    if trace.stepped_gain:
         parts.append("stepped gain")
     return " · ".join(parts)

@@ -9,8 +9,8 @@ from sonarhw.readings import Origin
 from sonarhw_gui.model.look import LIGHT, Look
 from sonarhw_gui.model.shown import Shown
 from sonarhw_gui.session.notices import Notices
-from sonarhw_gui.session.scanner import FakeNote
-from sonarhw_gui.session.status import Badge, Status
+from sonarhw_gui.session.scanner import FAKE_NOTE
+from sonarhw_gui.session.status import Status
 from sonarhw_gui.widgets import ElidedLabel, FlowLayout, LabelSlot, PlainLabel
 from sonarhw_gui.window.commands import Commands
 
@@ -162,7 +162,7 @@ class Hint(QtWidgets.QFrame):
 
 
 # badges have the same background in both palettes
-_BADGE_COLOURS = {Badge.LIVE: LIGHT.live, Badge.REPLAY: LIGHT.replay}
+_BADGE_COLOURS = {"live": LIGHT.live, "replay": LIGHT.replay}
 
 _FEW = 360  # readings; so many are compared within a moment, as during a scan
 _MESSAGE_TIME = 10_000  # ms
@@ -212,12 +212,13 @@ class StatusBar(QtWidgets.QStatusBar):
         preparing = status.prediction.preparing
         self.progress.setVisible(preparing is not None)
         if preparing is not None:
-            self.progress.setRange(0, preparing.known)
-            self.progress.setValue(preparing.done)
+            compiled, kernels = preparing
+            self.progress.setRange(0, kernels)
+            self.progress.setValue(compiled)
         self.fake.setVisible(status.fake is not None)
-        note = status.fake or FakeNote()
-        self.fake.setText(note.text)
-        self.fake.setToolTip(note.tip)
+        text, tip = status.fake or FAKE_NOTE
+        self.fake.setText(text)
+        self.fake.setToolTip(tip)
         self.figures.setText(figures_text(status))
         self.badge.setText(badge_text(status))
         background = _BADGE_COLOURS.get(status.badge, LIGHT.idle)
@@ -228,7 +229,7 @@ class StatusBar(QtWidgets.QStatusBar):
 
 def badge_text(status: Status) -> str:
     """Return the text of the badge."""
-    return f"● {status.badge}" if status.badge is Badge.LIVE else str(status.badge)
+    return f"● {status.badge}" if status.badge == "live" else status.badge
 
 
 def figures_text(status: Status) -> str:

@@ -15,7 +15,7 @@ from sonarhw.errors import SonarError
 from sonarhw.files import recordings_folder
 from sonarhw.log import Log
 from sonarhw.readings import ScanOrder
-from sonarhw_gui.jobs.files import WatchedFile, with_newest
+from sonarhw_gui.jobs.files import with_newest
 from sonarhw_gui.model.look import Look
 from sonarhw_gui.model.scene import Scene, SceneMemory
 from sonarhw_gui.model.theme import apply_look
@@ -141,7 +141,7 @@ def open_window(start: WindowStart) -> MainWindow:
     window.session.remember_used(recent, memory.urls)
     for path in start.used:
         if path.name == restored.scene.room_file:
-            window.session.files.watch(WatchedFile.ROOM, path)
+            window.session.files.watch("room", path)
     if start.memory is not None:
         if not memory.introduced:
             window.hint.show_first_steps()

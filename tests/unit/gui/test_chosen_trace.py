@@ -64,7 +64,7 @@ def test_the_gain_depends_on_the_receiver(before_a_wall: Scene) -> None:
     else:
         assert not gain.stepped
         without_air = replace(scene, board=replace(scene.board, absorption=False))
-        curve = chosen_trace(without_air, reading(), None, 0).gain.curve
+        curve = chosen_trace(without_air, reading(), None, 0).gain
         twice = np.interp(2 * curve.times[50], curve.times, curve.values) - curve.values[50]
         assert twice == pytest.approx(20 * math.log10(2), abs=0.01)
 

@@ -8,7 +8,6 @@ import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.jobs.files import WatchedFile
 from sonarhw_gui.model.scene import Scene
 from sonarhw_gui.session.scanner import Phase, ScannerTarget
 from sonarhw_gui.window.window import MainWindow
@@ -137,7 +136,7 @@ def test_a_fake_scanner_that_is_in_another_room_than_the_opened_one_is_named(
     until(qtbot, lambda: window.session.shown.scene.room_file == "corridor.toml")
     still_there = "⚠ the fake scanner is still in 'Simple room'; readings are predicted for what is shown"
     assert window.banner.message == still_there
-    assert window.session.files.path(WatchedFile.ROOM) is None  # a shipped room is saved under another name
+    assert window.session.files.path("room") is None  # a shipped room is saved under another name
     window.session.scan()
     assert window.banner.message == still_there
     until(qtbot, lambda: ended(window))

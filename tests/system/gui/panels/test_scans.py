@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QFileDialog, QGraphicsTextItem, QStyle, QStyleOpti
 from pytestqt.qtbot import QtBot
 from sonarhw_cli.app import run
 from sonarhw_compare.two_scans import ScanChange
-from sonarhw_gui.model.shown import SHOWN, ScanPair
+from sonarhw_gui.model.shown import SHOWN
 from sonarhw_gui.window.window import MainWindow
 
 from sonarhw.log import read_log
@@ -64,7 +64,7 @@ def toggle_eye(qtbot: QtBot, window: MainWindow, row: int) -> None:
 def test_before_and_after_a_post_was_put_up(qtbot: QtBot, window: MainWindow, folder: Path) -> None:
     add(qtbot, window, folder / "before.mcap")
     shown = window.session.shown
-    assert shown.pair == ScanPair(0, SHOWN)
+    assert shown.pair == (0, SHOWN)
     style = shown.overlays[0].style
     plan, ranges = window.views.plan.drawing.overlays, window.views.ranges.overlays
     until(qtbot, lambda: plan.scatters[style].isVisible() and ranges.scatters[style].isVisible())
@@ -141,7 +141,7 @@ def test_two_sweeps_of_one_log(qtbot: QtBot, open_with: OpenWith, folder: Path, 
     qtbot.keyClick(window, Qt.Key.Key_F12)
     until(qtbot, window.scans.isVisible)
     qtbot.mouseClick(window.scans.sweeps, LEFT)
-    assert window.session.scans.pair == ScanPair(0, 1)
+    assert window.session.scans.pair == (0, 1)
     assert [window.scans.list.item(row).text() for row in (0, 1)] == [
         "before, sweep 1",
         "before, sweep 2",

@@ -6,7 +6,7 @@ import pytest
 import sonarhw_sim.board
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.jobs.files import FileWatch, WatchedFile
+from sonarhw_gui.jobs.files import FileWatch
 from sonarhw_gui.model.edits import with_corner
 from sonarhw_gui.model.scene import Scene
 from sonarhw_gui.window.window import MainWindow
@@ -182,16 +182,16 @@ def test_a_changed_board_profile_is_reloaded_on_request(qtbot: QtBot, open_with:
 def test_each_change_is_reported_once_and_a_missing_file_is_awaited(tmp_path: Path, scene: Scene) -> None:
     path, files = tmp_path / "room.toml", FileWatch()
     path.write_text("a")
-    files.watch(WatchedFile.ROOM, path)
+    files.watch("room", path)
     assert not list(files.changed(0.0))
     path.write_text("longer")
     assert not list(files.changed(0.5))  # looks once a second
-    assert list(files.changed(1.0)) == [(WatchedFile.ROOM, path)]
+    assert list(files.changed(1.0)) == [("room", path)]
     assert not list(files.changed(2.0))
     path.unlink()
     assert not list(files.changed(3.0))
     path.write_text("again and longer")
-    assert [what for what, _ in files.changed(4.0)] == [WatchedFile.ROOM]
-    files.watch(WatchedFile.ROOM, None)
+    assert [what for what, _ in files.changed(4.0)] == ["room"]
+    files.watch("room", None)
     path.write_text("unseen")
     assert not list(files.changed(5.0))

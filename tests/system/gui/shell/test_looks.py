@@ -9,7 +9,7 @@ from PySide6.QtCore import QRect, Qt
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QApplication, QLabel
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.model.look import DARK, LIGHT, MARKS, LengthUnit, Look
+from sonarhw_gui.model.look import DARK, LIGHT, MARKS, UNITS, LengthUnit, Look
 from sonarhw_gui.model.rows import Column
 from sonarhw_gui.views.legend import Legend
 from sonarhw_gui.views.marks import reading_tip
@@ -75,7 +75,7 @@ def test_sentence_and_tooltip_follow_the_unit(qtbot: QtBot, window: MainWindow) 
         assert window.sentence.text().startswith(f"{unit.text(heard)} at 270.0°: ")
         assert f"fake {unit.text(heard)}\n" in reading_tip(shown, 27)
         assert window.views.table.model.index(27, Column.SENTENCE).data().startswith(unit.text(heard))
-        others = [other for other in LengthUnit if other is not unit]
+        others = [other for other in UNITS if other is not unit]
         said = [shown.sentence_of(k) for k in range(len(shown.readings))]
         assert not [one for one in said for other in others if re.search(rf"\d {other.label}\b", one)]
 
@@ -162,7 +162,7 @@ def luminance(colour: str) -> float:
 
 
 def test_a_length_is_written_in_its_unit() -> None:
-    assert [unit.text(0.827) for unit in LengthUnit] == ["0.827 m", "82.7 cm", "2.71 ft"]
+    assert [unit.text(0.827) for unit in UNITS] == ["0.827 m", "82.7 cm", "2.71 ft"]
 
 
 def test_the_text_size_is_limited() -> None:
