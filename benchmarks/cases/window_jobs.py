@@ -116,7 +116,7 @@ def opened(all_docks: bool = True, **start: object) -> Iterator[MainWindow]:
         settings = {"recordings": Path(folder), **start}
         window = open_window(WindowStart(**settings))  # type: ignore[arg-type]  # checked by the callers
         window.resize(1280, 800)
-        for dock in window.docks.actions:
+        for dock in window.dock_openers:
             if all_docks and not dock.isChecked():
                 dock.trigger()
         window.show()
@@ -381,7 +381,7 @@ def _scrubbed(window: MainWindow, what: str, seen: list[tuple[int, Moment]], scr
         work(0.15)  # a pause, so that work of the scrub before is done
         seen.clear()
         began = moment()
-        window.replay_bar.sought.emit(chance.uniform(0, replay.duration))
+        window.replay_bar.slider.sought.emit(chance.uniform(0, replay.duration))
         work_until(lambda: bool(seen))
         count, painted = seen[0]
         assert count == replay.count

@@ -4,7 +4,7 @@ import math
 import os
 import re
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import count, zip_longest
 from pathlib import Path
@@ -31,19 +31,13 @@ from sonarhw_gui.model.edits import room_and_place
 from sonarhw_gui.model.scene import Scene, first_place, scene_of_log, scene_with
 
 
-@dataclass(frozen=True)
-class CsvRead:
-    """The readings of a CSV file."""
+def read_csv(path: Path, columns: CsvColumns, meaning: Meaning) -> tuple[tuple[Reading, ...], tuple[float, int] | None]:
+    """Read a whole CSV file with these columns, units and conventions. Raises InputError.
 
-    path: Path
-    readings: tuple[Reading, ...]
-    likely_no_echo: tuple[float, int] | None  # a range that likely means no echo, and its number of readings
-
-
-def read_csv(path: Path, columns: CsvColumns, meaning: Meaning) -> CsvRead:
-    """Read a whole CSV file with these columns, units and conventions. Raises InputError."""
+    Returns its readings, and a range that likely means no echo with its number of readings, if there is one.
+    """
     readings = tuple(read_foreign_scan(path, columns, meaning))
-    return CsvRead(path, readings, None if meaning.no_echo is not None else likely_no_echo(path, columns))
+    return readings, None if meaning.no_echo is not None else likely_no_echo(path, columns)
 
 
 LOG, ROOM, CSV = ".mcap", ".toml", ".csv"
@@ -73,15 +67,15 @@ def read_grown_log(path: Path) -> tuple[Path, Log, float]:
     return path, log, time.perf_counter() - began
 
 
-def import_scan(csv: CsvRead, folder: Path) -> Opened:
+def import_scan(csv: Path, readings: Sequence[Reading], folder: Path) -> Opened:
     """Write the readings of a CSV file as a log in `folder`, and read it. Raises InputError, LogError, OutputError."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise LogError(f"{folder}: cannot be created: {error.strerror}; imported scans are stored there") from error
-    path = free_name(folder, csv.path.stem, LOG)
-    write_scan(path, LogMetadata("import", time.time()), csv.readings)
-    return replace(open_log(path), notice=f"{csv.path.name} was imported as {path.name}, in {folder}")
+    path = free_name(folder, csv.stem, LOG)
+    write_scan(path, LogMetadata("import", time.time()), readings)
+    return replace(open_log(path), notice=f"{csv.name} was imported as {path.name}, in {folder}")
 
 
 def open_room(room_name: Path | str, board: Board) -> Opened:
@@ -294,27 +288,13 @@ class RecordingRow:
     condition: str  # whole, torn, damaged, or why the file cannot be read
 
 
-@dataclass(frozen=True)
-class RecordingList:
-    """The recordings of a folder that are read so far."""
+def list_recordings(folder: Path, read: Iterable[RecordingRow] = ()) -> tuple[list[RecordingRow], int]:
+    """Read more recordings of a folder for `_SLICE` s. Return those read so far, newest first, and the number of logs.
 
-    folder: Path
-    rows: tuple[RecordingRow, ...] = ()  # newest first
-    files: int = 0  # number of logs in the folder
-
-    @property
-    def complete(self) -> bool:
-        """Whether every file has been read."""
-        return len(self.rows) == self.files
-
-
-def list_recordings(known: RecordingList) -> RecordingList:
-    """Read more recordings of a folder for `_SLICE` s. A file that has not changed is not read again.
-
-    Raises InputError if the folder cannot be read.
+    A file that was `read` and has not changed is not read again. Raises InputError if the folder cannot be read.
     """
-    files = _files(known.folder)
-    rows_before = {row.path: row for row in known.rows}
+    files = _files(folder)
+    rows_before = {row.path: row for row in read}
     rows, until = [], time.monotonic() + _SLICE
     for path, changed in files:
         before = rows_before.get(path)
@@ -323,7 +303,7 @@ def list_recordings(known: RecordingList) -> RecordingList:
         elif time.monotonic() < until:
             rows.append(_recording(path, changed))
     rows.sort(key=lambda row: -row.began)
-    return replace(known, rows=tuple(rows), files=len(files))
+    return rows, len(files)
 
 
 def _files(folder: Path) -> list[tuple[Path, float]]:

@@ -61,7 +61,7 @@ class Effort:
         )
 
 
-_EFFORTS = (
+EFFORTS = (
     Effort(1, 720, 24),
     Effort(2, 720, 36),
     Effort(3, 1440, 72),
@@ -69,26 +69,14 @@ _EFFORTS = (
     Effort(6, 2880, 180),
     Effort(8, 2880, 360, ideal=False),
 )
-_FIRST = 3
+FIRST_LEVEL = 3  # in EFFORTS
 
 
-class EffortChoice:
-    """Raises the effort while drafts are fast, and lowers it after a slow one, so that drafts keep up with a drag."""
-
-    def __init__(self) -> None:
-        self._level = _FIRST
-
-    @property
-    def effort(self) -> Effort:
-        """Limits of the next draft."""
-        return _EFFORTS[self._level]
-
-    def record(self, seconds: float) -> None:
-        """Adapt the effort to the duration of the last draft."""
-        if seconds > _TOO_LONG:
-            self._level = max(0, self._level - 1)
-        elif seconds < _SHORT:
-            self._level = min(len(_EFFORTS) - 1, self._level + 1)
+def next_level(level: int, seconds: float) -> int:
+    """Return the level of effort after a draft: less after a slow one, so that drafts keep up with a drag."""
+    if seconds > _TOO_LONG:
+        return max(0, level - 1)
+    return min(len(EFFORTS) - 1, level + 1) if seconds < _SHORT else level
 
 
 @dataclass(frozen=True)
@@ -336,7 +324,7 @@ class Forecast:
         self.outdated = False  # whether the comparison is of a previous scene for longer than LATE
         self._jobs, self._clock = jobs, clock
         self._changed = False  # since the last call of `take`
-        self._effort = EffortChoice()
+        self._level = FIRST_LEVEL  # of the effort of the next draft
         self._scene: Scene | None = None
         self._found: PathsFound | None = None
         self._generation = 0  # number of the scene; every change increments it
@@ -387,7 +375,7 @@ class Forecast:
         self._changed_at[self._generation], self._moved_at, self._search_at = now, now, None
         if scene.room is None:
             return
-        effort = self._effort.effort
+        effort = EFFORTS[self._level]
         self._find(_DRAFT, scene, effort.limit(scene.options), effort.headings)
         self._search_at = now + rest
         self._search_when_due()
@@ -432,7 +420,7 @@ class Forecast:
     def _accept(self, found: PathsFound) -> None:
         """Use these paths if they are of a newer scene, or complete instead of a draft of the same scene."""
         if found.draft:
-            self._effort.record(found.took)
+            self._level = next_level(self._level, found.took)
         if found.generation < self._oldest or (self._found is not None and _rank(found) <= _rank(self._found)):
             return
         self._found, self.outline, self.chances, self._changed = found, found.outline, None, True

@@ -5,7 +5,7 @@ The jobs of one lane share a thread and run one after another. A new job replace
 
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from PySide6.QtCore import QObject, Qt, Signal, Slot
@@ -15,13 +15,33 @@ from sonarhw.errors import Cancelled, SonarError
 _MOST_WAITING = 64  # jobs of a lane; another one is refused
 
 
-class JobProgress:
-    """The progress of a job, its newest partial result, and its cancellation; shared by the two threads."""
+@dataclass(eq=False)
+class Job:
+    """A function with its arguments and its receivers, its progress, and its result; shared by the two threads."""
 
-    def __init__(self) -> None:
-        self.share, self.step = 0.0, "beginning"
-        self.part: Any = None  # the newest partial result
-        self.cancelled = False
+    key: str
+    lane: str
+    function: Callable[..., Any]
+    args: tuple[Any, ...]
+    then: Callable[[Any], None] | None
+    failed: Callable[[str], None] | None
+    watch: "Callable[[Job], None] | None"
+    at_close: bool
+    share: float = 0.0
+    step: str = "beginning"
+    part: Any = None  # the newest partial result
+    cancelled: bool = False
+    result: Any = None
+    error: Exception | None = None
+
+    def work(self) -> None:
+        """Call the function, and keep its result or its error."""
+        try:
+            self.result = self.function(*self.args) if self.watch is None else self.function(*self.args, self)
+        except Exception as error:  # noqa: BLE001 - reported in the GUI thread
+            self.error = error
+
+    # for the function
 
     def report(self, share: float, step: str = "") -> None:
         """Store the share that is done and the current step."""
@@ -38,37 +58,13 @@ class JobProgress:
         self.part = part
 
 
-@dataclass(eq=False)
-class _Job:
-    """A function with its arguments, what happens with its result, and the result."""
-
-    key: str
-    lane: str
-    function: Callable[..., Any]
-    args: tuple[Any, ...]
-    then: Callable[[Any], None] | None
-    failed: Callable[[str], None] | None
-    watch: Callable[[JobProgress], None] | None
-    at_close: bool
-    progress: JobProgress = field(default_factory=JobProgress)
-    result: Any = None
-    error: Exception | None = None
-
-    def work(self) -> None:
-        """Call the function, and keep its result or its error."""
-        try:
-            self.result = self.function(*self.args) if self.watch is None else self.function(*self.args, self.progress)
-        except Exception as error:  # noqa: BLE001 - reported in the GUI thread
-            self.error = error
-
-
 class _Lane:
     """One thread, and the jobs that wait for it, by their keys."""
 
-    def __init__(self, name: str, done: Callable[[_Job], None]) -> None:
+    def __init__(self, name: str, done: Callable[[Job], None]) -> None:
         """`done` is called in the thread after each job."""
         self._changed = threading.Condition()
-        self._waiting: dict[str, _Job] = {}
+        self._waiting: dict[str, Job] = {}
         self._closing = False
         self._done = done
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
@@ -79,13 +75,13 @@ class _Lane:
         """Whether no further job may wait."""
         return len(self._waiting) >= _MOST_WAITING
 
-    def put(self, job: _Job) -> None:
+    def put(self, job: Job) -> None:
         """Let a job wait."""
         with self._changed:
             self._waiting[job.key] = job
             self._changed.notify()
 
-    def drop(self, key: str) -> _Job | None:
+    def drop(self, key: str) -> Job | None:
         """Remove and return the waiting job with this key, if any."""
         with self._changed:
             return self._waiting.pop(key, None)
@@ -114,7 +110,7 @@ class _Lane:
         self._done(job)
         return True
 
-    def _next(self) -> _Job | None:
+    def _next(self) -> Job | None:
         with self._changed:
             while not self._waiting and not self._closing:
                 self._changed.wait()
@@ -127,12 +123,12 @@ class Jobs(QObject):
     """Runs functions in threads. All methods are called in the GUI thread."""
 
     failed = Signal(str)  # the error of a job that has no receiver of its own
-    _done = Signal(object)  # _Job
+    _done = Signal(object)  # Job
 
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._lanes: dict[str, _Lane] = {}
-        self._pending: dict[_Job, None] = {}  # waiting, running, or with a result that was not taken yet; oldest first
+        self._pending: dict[Job, None] = {}  # waiting, running, or with a result that was not taken yet; oldest first
         self.closed = False  # any thread may look at it
         self._done.connect(self._finish, Qt.ConnectionType.QueuedConnection)
 
@@ -143,7 +139,7 @@ class Jobs(QObject):
         *args: Any,
         then: Callable[[Any], None] | None = None,
         failed: Callable[[str], None] | None = None,
-        progress: Callable[[JobProgress], None] | None = None,
+        progress: Callable[[Job], None] | None = None,
         lane: str = "",
         at_close: bool = False,
     ) -> None:
@@ -152,12 +148,12 @@ class Jobs(QObject):
         A waiting job with the same key is dropped. A running one still passes its result on, before the new one.
 
         `failed`: gets the message of a SonarError, by default the signal of this name. Any other error is a defect: it
-        is raised here, after `failed("")`. `progress`: gets the `JobProgress` of the job with each tick; the function
-        gets it as its last argument. `at_close`: the job is done even if the window is closed while it waits.
+        is raised here, after `failed("")`. `progress`: gets the job with each tick; the function gets it as its last
+        argument. `at_close`: the job is done even if the window is closed while it waits.
         """
         if self.closed:
             return
-        job = _Job(key, lane or key, function, args, then, failed, progress, at_close)
+        job = Job(key, lane or key, function, args, then, failed, progress, at_close)
         self._drop(key)
         place = self._lanes.get(job.lane)
         if place is None:
@@ -177,19 +173,19 @@ class Jobs(QObject):
         self._drop(key)
         for job in self._pending:
             if job.key == key:
-                job.progress.cancelled = True
+                job.cancelled = True
 
     def tick(self) -> None:
         """Pass on the progress of all jobs."""
         for job in list(self._pending):
-            if job.watch is not None and not job.progress.cancelled:
-                job.watch(job.progress)
+            if job.watch is not None and not job.cancelled:
+                job.watch(job)
 
     def close(self) -> None:
         """Cancel all jobs, do those that are to be done in any case, and end the threads."""
         self.closed = True
         for job in self._pending:
-            job.progress.cancelled = not job.at_close
+            job.cancelled = not job.at_close
         self._pending.clear()
         for lane in self._lanes.values():
             lane.begin_to_close()
@@ -203,12 +199,12 @@ class Jobs(QObject):
                 del self._pending[job]
 
     @Slot(object)
-    def _finish(self, job: _Job) -> None:
+    def _finish(self, job: Job) -> None:
         """Pass on the result or the error of a job."""
         if self.closed:
             return
         del self._pending[job]
-        if job.progress.cancelled:
+        if job.cancelled:
             return
         if job.error is None:
             if job.then is not None:

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import tomlkit
 from PySide6.QtCore import QObject, Signal, Slot
@@ -15,7 +15,7 @@ from sonarhw_sim.room.room import Place, Room
 
 from sonarhw.errors import InputError
 from sonarhw.readings import Reading
-from sonarhw_gui.jobs.jobs import JobProgress, Jobs
+from sonarhw_gui.jobs.jobs import Job, Jobs
 from sonarhw_gui.model.edits import Edit, room_and_place, with_sensor_at
 from sonarhw_gui.model.look import LengthUnit
 from sonarhw_gui.model.scene import NOWHERE, Scene, room_name
@@ -57,7 +57,7 @@ class Search(QObject):
     def __init__(
         self, key: str, function: Callable[..., Any], shown: Callable[[], Shown], jobs: Jobs, parent: QObject
     ) -> None:
-        """`function` gets what the window shows, the settings of `start`, and a `JobProgress`."""
+        """`function` gets what the window shows, the settings of `start`, and its `Job`."""
         super().__init__(parent)
         self.state: Any = SearchState()
         self._key, self._function, self._shown, self._jobs = key, function, shown, jobs
@@ -79,8 +79,8 @@ class Search(QObject):
         self._jobs.cancel(self._key)
         self._jobs.run(self._key, function, *args, then=self._finish, failed=self._fail, progress=self._observe)
 
-    def _observe(self, progress: JobProgress) -> None:
-        self._set_state(self._running(progress))
+    def _observe(self, job: Job) -> None:
+        self._set_state(self._running(job))
 
     def _finish(self, answer: Any) -> None:
         self._set_state(self._finished(answer))
@@ -101,9 +101,9 @@ class Search(QObject):
         """Return the state after a search that was cancelled or has failed."""
         return SearchState()
 
-    def _running(self, progress: JobProgress) -> Any:
+    def _running(self, job: Job) -> Any:
         """Return the state during a search."""
-        return SearchState(running=True, share=progress.share, step=progress.step)
+        return SearchState(running=True, share=job.share, step=job.step)
 
     def _finished(self, answer: Any) -> Any:
         """Return the state after a complete search."""
@@ -153,36 +153,24 @@ NEAR = 0.25  # m; maximum error of a place that was set by hand
 _SAMPLES = 8000  # samples of the posterior; about 300 of them are independent
 
 
-@dataclass(frozen=True)
-class FitSettings:
-    """The free parameters of a fit, by their names in `values.quantities`, and whether to search the whole room."""
-
-    free: tuple[str, ...] = ("position", "heading", "offset")
-    everywhere: bool = False
-
-
-@dataclass(frozen=True)
-class FitSolution:
-    """One solution of a fit."""
-
-    values: "Mapping[Parameter, float]"
-    within_5cm: float | None  # share of the echoes, in the fitted scene
-
-
 @dataclass(frozen=True, eq=False)
 class FitFound:
     """The result of a fit."""
 
     scene: Scene  # of the fit
     readings: int
-    settings: FitSettings
+    everywhere: bool  # whether the whole room was searched
     result: "FitResult"
+    solutions: "tuple[Mapping[Parameter, float], ...]"  # the best first
     within_5cm: float | None  # share of the echoes, before the fit
-    solutions: tuple[FitSolution, ...]  # the best first
+    fitted_within_5cm: tuple[float | None, ...]  # likewise, with each solution
 
 
-def find_pose(shown: Shown, settings: FitSettings, progress: JobProgress) -> FitFound:
-    """Fit to the newest readings shown, which takes about ten seconds. Raises InputError, Cancelled."""
+def find_pose(shown: Shown, free: tuple[str, ...], everywhere: bool, job: Job) -> FitFound:
+    """Fit to the newest readings shown, which takes about ten seconds. Raises InputError, Cancelled.
+
+    `free`: words of the free quantities. `everywhere`: search the whole room, not only beside the place shown.
+    """
     from sonarhw_compare.fit import FitOptions, PlacedScan, fit_scans  # takes half a second
 
     scene, readings = shown.scene, shown.readings[-_MOST_READINGS:]
@@ -191,24 +179,21 @@ def find_pose(shown: Shown, settings: FitSettings, progress: JobProgress) -> Fit
         [PlacedScan(readings, place, "this scan")],
         room,
         scene.board,
-        _free_parameters(scene, room, settings),
+        _free_parameters(scene, room, free, everywhere),
         options=FitOptions(scene.options, samples=_SAMPLES),
-        progress=progress.report,
-        cancelled=lambda: progress.cancelled,
+        progress=job.report,
+        cancelled=lambda: job.cancelled,
     )
-
-    def solution(values: "Mapping[Parameter, float]") -> FitSolution:
-        return FitSolution(values, _within_5cm(readings, fitted(scene, values, scene.board)[0]))
-
-    solutions = tuple(map(solution, _values(result)))
-    return FitFound(scene, len(readings), settings, result, _within_5cm(readings, scene), solutions)
+    solutions = tuple(_values(result))
+    after = tuple(_within_5cm(readings, fitted(scene, values, scene.board)[0]) for values in solutions)
+    return FitFound(scene, len(readings), everywhere, result, solutions, _within_5cm(readings, scene), after)
 
 
-def _free_parameters(scene: Scene, room: Room, settings: FitSettings) -> "tuple[Parameter, ...]":
+def _free_parameters(scene: Scene, room: Room, free: tuple[str, ...], everywhere: bool) -> "tuple[Parameter, ...]":
     from sonarhw_compare.fit import free_parameters
 
-    parameters = free_parameters(settings.free, ["this scan"], room, scene.board)
-    if settings.everywhere:
+    parameters = free_parameters(free, ["this scan"], room, scene.board)
+    if everywhere:
         return parameters
     here = dict(zip("xy", scene.pose.position, strict=True))
     return tuple(
@@ -224,7 +209,7 @@ def _within_5cm(readings: tuple[Reading, ...], scene: Scene) -> float | None:
 
 def _values(result: "FitResult") -> "list[Mapping[Parameter, float]]":
     """Return the values of every solution. The best one has the estimates, which are more accurate than its peak."""
-    best = {one: result.estimates[one.name].value for one in result.parameters}
+    best = {parameter: result.estimates[parameter.name].value for parameter in result.parameters}
     return [
         best,
         *({parameter: mode.values[parameter.name] for parameter in result.parameters} for mode in result.modes[1:]),
@@ -236,59 +221,60 @@ _MOST_READINGS = 720  # the newest ones; more readings of one place do not impro
 
 def rows(found: FitFound, solution: int, unit: LengthUnit) -> list[tuple[str, str, str]]:
     """Return name, value and standard deviation in the same unit. Only the best solution has deviations."""
-    values = found.solutions[solution].values
+    values, estimates = found.solutions[solution], found.result.estimates
     if solution > 0:
-        return [(_name(one), value_text(one, value, unit), "") for one, value in values.items()]
-    estimates = found.result.estimates
-    return [
-        (_name(one), _as_known(one, value, estimates[one.name], unit), _deviation(one, estimates[one.name], unit))
-        for one, value in values.items()
-    ]
+        return [(_name(parameter), value_text(parameter, value, unit), "") for parameter, value in values.items()]
+    lines = []
+    for parameter, value in values.items():
+        estimate = estimates[parameter.name]
+        rounded = _as_known(parameter, value, estimate, unit)
+        lines.append((_name(parameter), rounded, _deviation(parameter, estimate, unit)))
+    return lines
 
 
 def share_line(found: FitFound, solution: int) -> str:
     """Return the shares of echoes within 5 cm before the fit and with this solution."""
-    before, after = (_percent(share) for share in (found.within_5cm, found.solutions[solution].within_5cm))
+    before, after = (_percent(share) for share in (found.within_5cm, found.fitted_within_5cm[solution]))
     return f"within 5 cm: {before} before, {after} after"
 
 
 def solution_line(found: FitFound, solution: int, unit: LengthUnit) -> str:
     """Return the pose of a solution in one line."""
-    values = found.solutions[solution].values
-    pose = {one.quantity.name: value_text(one, value, unit) for one, value in values.items()}
+    values = found.solutions[solution].items()
+    pose = {parameter.quantity.name: value_text(parameter, value, unit) for parameter, value in values}
     place = ", ".join(pose[name] for name in ("x", "y", "heading") if name in pose)
     return f"{solution + 1}: {place or 'same pose'}"
 
 
 def warnings(found: FitFound) -> list[str]:
     """Return what the scan cannot determine, and whether the fit matches worse than before."""
-    texts = [_warning_text(warning, found.settings) for warning in found.result.warnings]
-    before, after = found.within_5cm, found.solutions[0].within_5cm
+    texts = [_warning_text(warning, found.everywhere) for warning in found.result.warnings]
+    before, after = found.within_5cm, found.fitted_within_5cm[0]
     if before is not None and after is not None and after < before:
         texts.append("fewer echoes match than before: the room differs from its file in something else")
     return texts
 
 
-def _warning_text(warning: "FitWarning", settings: FitSettings) -> str:
+def _warning_text(warning: "FitWarning", everywhere: bool) -> str:
     """Return a warning in the words of the window: its list has the solutions, and no command is named."""
     if warning.kind == "several solutions":
         return "several poses explain the scan about equally well, the room may be symmetric; try each above"
     if warning.kind == "few explained" and warning.share is not None:
-        elsewhere = "" if settings.everywhere else ", or search in the whole room"
+        elsewhere = "" if everywhere else ", or search in the whole room"
         return f"only {_percent(warning.share)} of the echoes are within 5 cm; check the room and the board{elsewhere}"
     return warning.text
 
 
-def _name(one: "Parameter") -> str:
-    return f"{one.quantity.label} {one.of}".strip()
+def _name(parameter: "Parameter") -> str:
+    return f"{parameter.quantity.label} {parameter.of}".strip()
 
 
-def value_text(one: "Parameter", value: float, unit: LengthUnit) -> str:
+def value_text(parameter: "Parameter", value: float, unit: LengthUnit) -> str:
     """Return the text of a value with its unit."""
-    match one.quantity.unit:
+    match parameter.quantity.unit:
         case "°":
             return _signed(f"{math.degrees(value):z.2f}°")
-        case "m" if one.quantity.word == "position":
+        case "m" if parameter.quantity.word == "position":
             return _signed(unit.text(value))
         case "m":
             small = unit.small
@@ -299,17 +285,17 @@ def value_text(one: "Parameter", value: float, unit: LengthUnit) -> str:
             return _signed(f"{value:z.1f} {printed}")
 
 
-def _as_known(one: "Parameter", value: float, estimate: "Estimate", unit: LengthUnit) -> str:
+def _as_known(parameter: "Parameter", value: float, estimate: "Estimate", unit: LengthUnit) -> str:
     """Return a value with as many digits as its deviation justifies; a position in the unit of its deviation."""
-    if one.quantity.word != "position":
-        return value_text(one, value, unit)
+    if parameter.quantity.word != "position":
+        return value_text(parameter, value, unit)
     small = unit.small
     decimals = min(2, _decimals(estimate.deviation * small.per_metre))
     return _signed(f"{value * small.per_metre:z.{decimals}f} {small.label}")
 
 
-def _deviation(one: "Parameter", estimate: "Estimate", unit: LengthUnit) -> str:
-    match one.quantity.unit:
+def _deviation(parameter: "Parameter", estimate: "Estimate", unit: LengthUnit) -> str:
+    match parameter.quantity.unit:
         case "°":
             return f"± {_two_figures(math.degrees(estimate.deviation))}°"
         case "m":
@@ -350,7 +336,7 @@ class CausesAnswer:
     found: "FoundCauses"
 
 
-def search_causes(shown: Shown, progress: JobProgress) -> CausesAnswer:
+def search_causes(shown: Shown, job: Job) -> CausesAnswer:
     """Search for changes of the room that explain misfits of the newest readings shown, for about ten seconds.
 
     Raises InputError.
@@ -364,8 +350,8 @@ def search_causes(shown: Shown, progress: JobProgress) -> CausesAnswer:
         room,
         place,
         scene.board,
-        tick=lambda share: progress.report(share, "searching"),
-        cancelled=lambda: progress.cancelled,
+        tick=lambda share: job.report(share, "searching"),
+        cancelled=lambda: job.cancelled,
     )
     return CausesAnswer(scene, len(shown.readings) - len(newest), found)
 
@@ -373,21 +359,15 @@ def search_causes(shown: Shown, progress: JobProgress) -> CausesAnswer:
 _MOST_NEXT = 3  # places
 
 
-@dataclass(frozen=True)
-class Accuracy:
-    """How well the places of scans are known: standard deviations, infinite for what is unknown but of the first."""
-
-    text: str
-    xy: float  # m
-    heading: float  # rad
-
-
-ACCURACIES = (
-    Accuracy("exact", 0.0, 0.0),
-    Accuracy("within 3 cm and 2°", 0.03, math.radians(2.0)),
-    Accuracy("only headings, within 5°", math.inf, math.radians(5.0)),
-    Accuracy("unknown but for the first", math.inf, math.inf),
-)
+# how well the places of scans are known: standard deviations of x and y, m, and of the heading, rad; infinite for what
+# is unknown but of the first scan
+Accuracy: TypeAlias = tuple[float, float]
+ACCURACIES: dict[str, Accuracy] = {
+    "exact": (0.0, 0.0),
+    "within 3 cm and 2°": (0.03, math.radians(2.0)),
+    "only headings, within 5°": (math.inf, math.radians(5.0)),
+    "unknown but for the first": (math.inf, math.inf),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -440,7 +420,7 @@ def search_room(
     accuracy: Accuracy,
     start: "RoomDraft | None",
     refused: "tuple[DraftWall | DraftPost, ...]",
-    progress: JobProgress,
+    job: Job,
 ) -> RoomAnswer:
     """Find the room that scans show, which takes seconds to minutes; the place of the first one is known.
 
@@ -453,9 +433,9 @@ def search_room(
     board = _one_board(scans)
     if start is not None and not start.is_sound:
         raise InputError("a wall of the room is shorter than 2 cm; remove it in the plan, and go on")
-    course = Course(start, refused, lambda draft: progress.show(_supported(scans, air, draft, ROUGH)))
+    course = Course(start, refused, lambda draft: job.show(_supported(scans, air, draft, ROUGH)))
     found = find_room_and_poses(
-        [_placed(scan) for scan in scans], board, air, _spreads(scans, accuracy), progress.check, course
+        [_placed(scan) for scan in scans], board, air, _spreads(scans, accuracy), job.check, course
     )
     return RoomAnswer(_supported(scans, air, found.draft, FINE), found, found_room(found, board))
 
@@ -482,19 +462,19 @@ def _placed(scan: LoadedScan) -> "PlacedScan":
 def _spreads(scans: tuple[LoadedScan, ...], accuracy: Accuracy) -> "list[PoseSpread]":
     from sonarhw_compare.locate import UNKNOWN, PoseSpread
 
-    spread = PoseSpread(accuracy.xy, accuracy.heading)
+    spread = PoseSpread(*accuracy)
     first = spread if spread.is_whole else PoseSpread()
     return [first, *(spread if scan.known else UNKNOWN for scan in scans[1:])]
 
 
-def plan_next_scan(answer: RoomAnswer, progress: JobProgress) -> "tuple[NextPlace, ...]":
+def plan_next_scan(answer: RoomAnswer, job: Job) -> "tuple[NextPlace, ...]":
     """Return the places from which another scan makes a found room most certain, best first.
 
     Raises InputError, Cancelled.
     """
     from sonarhw_compare.rooms.outcome import next_places
 
-    return next_places(answer.found, answer.room, answer.hypotheses.board, _MOST_NEXT, progress.check, progress.show)
+    return next_places(answer.found, answer.room, answer.hypotheses.board, _MOST_NEXT, job.check, job.show)
 
 
 def _one_board(scans: tuple[LoadedScan, ...]) -> Board:
@@ -678,15 +658,15 @@ class RoomSearch(Search):
         """Return the state with the walls found so far."""
         return replace(self.state, running="") if self.state.running else self.state
 
-    def _running(self, progress: JobProgress) -> FindState:
+    def _running(self, job: Job) -> FindState:
         state = self.state
-        if progress.part is not self._newest:
-            self._newest = progress.part
+        if job.part is not self._newest:
+            self._newest = job.part
             if state.running == "planning":
-                state = replace(state, places=progress.part)
+                state = replace(state, places=job.part)
             else:
-                state = replace(state, hypotheses=progress.part, answer=None, accepted=False)
-        return state if progress.share == state.share else replace(state, share=progress.share)
+                state = replace(state, hypotheses=job.part, answer=None, accepted=False)
+        return state if job.share == state.share else replace(state, share=job.share)
 
     def _finished(self, answer: "RoomAnswer | tuple[NextPlace, ...]") -> FindState:
         if not isinstance(answer, RoomAnswer):

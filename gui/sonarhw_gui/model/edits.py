@@ -147,6 +147,18 @@ def with_named_place(scene: Scene, name: str) -> Edit:
     return replace(scene, room=kept, place=kept.places[name]), f"adding place {name}"
 
 
+def with_wall(scene: Scene, start: room_edits.Point, end: room_edits.Point) -> Edit:
+    """Return the scene with an additional wall, of the material of the first one."""
+    room, _ = room_and_place(scene)
+    return with_room(scene, room_edits.add_wall(room, start, end, room.materials[0])), "adding a wall"
+
+
+def with_post(scene: Scene, centre: room_edits.Point, radius: float) -> Edit:
+    """Return the scene with an additional post, of the material of the first wall."""
+    room, _ = room_and_place(scene)
+    return with_room(scene, room_edits.add_post(room, centre, radius, room.materials[0])), "adding a post"
+
+
 def without_surface(scene: Scene, surface: int) -> Edit:
     """Return the scene without a wall or a post."""
     room, _ = room_and_place(scene)

@@ -14,7 +14,7 @@ from sonarhw_compare.explain import explain_heading, explain_reading
 from sonarhw_compare.headings import heading_text
 from sonarhw_compare.match import Matched
 from sonarhw_compare.pictures import points_at
-from sonarhw_compare.sound import PlayedPing
+from sonarhw_compare.sound import PlayedPing, caption_at
 from sonarhw_compare.two_scans import HeadingSeries, heading_series
 from sonarhw_sim.predict.predicted_scan import PredictedScan, standpoints
 from sonarhw_sim.room.room import Room
@@ -22,7 +22,7 @@ from sonarhw_sim.room.room import Room
 from sonarhw.readings import FloatArray, Origin, Reading
 from sonarhw_gui.jobs.forecast import ComparedScan
 from sonarhw_gui.jobs.traces import BScans, ChosenTrace
-from sonarhw_gui.model.look import Class, Look, ViewLayer
+from sonarhw_gui.model.look import Class, LengthUnit, Look, ViewLayer
 from sonarhw_gui.model.rows import CLASSES, NO_ROWS, ReadingRows, longer_of, rows_of
 from sonarhw_gui.model.scene import NO_NOTES, NoteTexts, Scene, bounce_losses, decibels_text
 
@@ -47,6 +47,10 @@ class FoundDrawing:
     speaking_for: FloatArray  # (k, 2), echoes that speak for the selected wall or post
     against: FloatArray  # (l, 2)
     next_scan: "NextPlace | None" = None
+
+
+_NO_WALLS, _NO_POSTS = np.empty((0, 4)), np.empty((0, 3))
+NOT_FOUND = FoundDrawing(_NO_WALLS, _NO_POSTS, _NO_WALLS, _NO_POSTS, NO_POINTS, NO_POINTS)
 
 
 # A scan that is drawn over the one shown.
@@ -95,6 +99,9 @@ class Proposal:
     posts: FloatArray  # (m, 3), m
 
 
+NO_PROPOSAL = Proposal((), _NO_WALLS, _NO_POSTS)
+
+
 def proposal_of(room: Room, changed: Room, readings: tuple[int, ...], surface: str | None) -> Proposal:
     """Return the surfaces that `changed` has and `room` does not; `surface` is included if it only changes material."""
     walls = [wall for wall in changed.walls if not (room.walls == wall).all(axis=1).any()]
@@ -137,11 +144,20 @@ class Cursor:
 
 
 @dataclass(frozen=True)
-class SoundMoment:
-    """The sound of one ping at one time."""
+class SoundState:
+    """The playback of the sound of one ping."""
 
-    ping: PlayedPing
-    time: float  # s since transmission began
+    ping: PlayedPing | None  # None: there is no heading to play yet; then nothing is drawn
+    time: float = 0.0  # s of sound, since transmission began
+    playing: bool = True
+    loop: bool = True
+    slowness: float = 1000.0  # s for each second of sound
+
+    def caption(self, unit: LengthUnit) -> str:
+        """Return what happens now."""
+        if self.ping is None:
+            return "select a reading, or click the predicted outline"
+        return caption_at(self.ping, self.time, unit.text)
 
 
 @dataclass(frozen=True)
@@ -158,7 +174,7 @@ class Shown:
     answer: PredictedScan | None = None  # at one heading, `asked` or the one asked before; computed after the question
     pointed_path: int | None = None  # row of `question`'s paths that the mouse or a key points at
     trace: ChosenTrace | None = None  # of the asked heading or the selected reading; computed after the selection
-    sound: SoundMoment | None = None  # while it is played
+    sound: SoundState | None = None  # while it is played; it has a ping
     # as last shown; weak, because each hidden view keeps what it drew last, and a B-scan takes 30 MB
     bscan_ref: ref[BScans] | None = None
     overlays: tuple[OverlaidScan, ...] = ()  # other scans, drawn over the readings

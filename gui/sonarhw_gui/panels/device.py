@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from PySide6 import QtWidgets
 from PySide6.QtCore import QSignalBlocker, Qt, Signal, Slot
-from PySide6.QtGui import QAction, QKeyEvent
+from PySide6.QtGui import QAction
 
 from sonarhw.readings import ScanOrder
 from sonarhw_gui.model.look import Look
@@ -26,18 +26,6 @@ from sonarhw_gui.window.commands import Commands
 _FARTHEST = 720.0  # degrees, limit of the cable
 _MOST_SWEEPS, _MOST_PINGS = 10_000, 100
 _LONGEST = 30.0  # m
-
-
-class _AngleField(NumberField):
-    """An angle field with a signal for Enter only. Qt's `editingFinished` also fires when the focus leaves."""
-
-    entered = Signal()
-
-    def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Emit `entered` on Enter, after the value is applied."""
-        super().keyPressEvent(event)
-        if event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter):
-            self.entered.emit()
 
 
 class DevicePanel(QtWidgets.QWidget):
@@ -153,7 +141,8 @@ class DevicePanel(QtWidgets.QWidget):
         stacked(self, head, _button(commands.stop), self._turntable, self._scan, link, None)
 
     def _connect(self) -> None:
-        self.target.entered.connect(self._turn)
+        # only on Enter: `editingFinished` is emitted when the focus leaves, too
+        self.target.lineEdit().returnPressed.connect(self._turn)
         for field in self._fields:
             field.valueChanged.connect(self._send_settings)
         self.traces.toggled.connect(self._send_settings)
@@ -238,8 +227,8 @@ def _button(action: QAction) -> QtWidgets.QPushButton:
     return made
 
 
-def _degrees(value: float, tip: str, lowest: float = -_FARTHEST, decimals: int = 1) -> _AngleField:
-    field = _AngleField(lowest, _FARTHEST, decimals, "°")
+def _degrees(value: float, tip: str, lowest: float = -_FARTHEST, decimals: int = 1) -> NumberField:
+    field = NumberField(lowest, _FARTHEST, decimals, "°")
     field.setValue(value)
     field.setToolTip(tip)
     return field

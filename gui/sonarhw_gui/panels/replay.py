@@ -1,6 +1,7 @@
 """The replay bar and the sound bar: play, pause, step, speed, and a slider of time."""
 
 import math
+from collections.abc import Callable
 
 from PySide6 import QtWidgets
 from PySide6.QtCore import QRect, QRectF, QSignalBlocker, Qt, Signal, Slot
@@ -8,8 +9,10 @@ from PySide6.QtGui import QAction, QIcon, QMouseEvent, QPainter, QPaintEvent
 
 from sonarhw_gui import widgets
 from sonarhw_gui.model.look import LengthUnit, Look
+from sonarhw_gui.model.shown import SoundState
 from sonarhw_gui.model.theme import text_font
-from sonarhw_gui.session.sound import SLOWNESSES, SoundState
+from sonarhw_gui.session.session import WindowSession
+from sonarhw_gui.session.sound import SLOWNESSES, SoundControl
 from sonarhw_gui.session.source import SPEEDS, Replay
 from sonarhw_gui.window.commands import Commands
 
@@ -100,13 +103,9 @@ class TimeSlider(QtWidgets.QSlider):
 class ReplayBar(widgets.NarrowBar):
     """Controls the replay. Visible only while a log is shown."""
 
-    toggled = Signal()
-    sought = Signal(float)  # s
-    speed_chosen = Signal(float)
-
-    def __init__(self, commands: Commands) -> None:
+    def __init__(self, commands: Commands, session: WindowSession) -> None:
         super().__init__()
-        self._commands = commands
+        self._commands, self._session = commands, session
         self._look = Look()
         self._playing = False
         self._widest = ""  # longest text of the time
@@ -122,10 +121,11 @@ class ReplayBar(widgets.NarrowBar):
         for speed in SPEEDS:
             self.speed.addItem(speed_name(speed), speed)
         self._arrange()
-        self.play.clicked.connect(self.toggled)
-        self.slider.sought.connect(self.sought)
+        self.play.clicked.connect(commands.toggle.trigger)
+        self.slider.sought.connect(self._seek)
         self.speed.activated.connect(self._choose_speed)
-        self.hide()
+        session.replay_changed.connect(self.show_state)
+        self.show_state(session.replay)
 
     def set_look(self, look: Look) -> None:
         """Use the colours and text size of `look`."""
@@ -146,6 +146,7 @@ class ReplayBar(widgets.NarrowBar):
         self._show_playing()
         self.hide_what_does_not_fit()
 
+    @Slot(object)
     def show_state(self, state: Replay | None) -> None:
         """Show the state of the replay; None hides the bar."""
         self.setVisible(state is not None)
@@ -192,9 +193,13 @@ class ReplayBar(widgets.NarrowBar):
         )
         widgets.arranged(QtWidgets.QHBoxLayout(self), *parts, rest=self.slider, margins=(12, 2, 12, 6), gap=widgets.GAP)
 
+    @Slot(float)
+    def _seek(self, position: float) -> None:
+        self._session.in_replay(lambda replay: replay.seek(position))
+
     @Slot(int)
     def _choose_speed(self, index: int) -> None:
-        self.speed_chosen.emit(SPEEDS[index])
+        self._session.in_replay(lambda replay: setattr(replay, "speed", SPEEDS[index]))
 
     def _show_playing(self) -> None:
         # width of the longer word; otherwise the widgets beside it move at every click
@@ -243,16 +248,10 @@ _STEP, _PAGE = 20, 200  # µs
 class SoundBar(widgets.NarrowBar):
     """Controls the playback of sound. Visible only while it is open."""
 
-    toggled = Signal()
-    sought = Signal(float)  # s
-    slowness_chosen = Signal(float)
-    loop_changed = Signal(bool)
-    every_changed = Signal(bool)
-    film_requested = Signal()
-    closed = Signal()
-
-    def __init__(self) -> None:
+    def __init__(self, sound: SoundControl, save_film: Callable[[], None]) -> None:
+        """`save_film`: asks where to save the sound as a film."""
         super().__init__()
+        self._sound = sound
         self._look, self._unit = Look(), LengthUnit.M
         self._playing: bool | None = None
         self.caption, self.time = widgets.ElidedLabel(), widgets.PlainLabel()
@@ -280,6 +279,7 @@ class SoundBar(widgets.NarrowBar):
         self.every.setToolTip("Also the sound of every later echo over the threshold")
         self._arrange()
         self._connect()
+        self.film.clicked.connect(save_film)
         self.hide()
 
     def set_look(self, look: Look) -> None:
@@ -324,18 +324,18 @@ class SoundBar(widgets.NarrowBar):
         widgets.arranged(QtWidgets.QVBoxLayout(self), self.caption, row, margins=(12, 2, 12, 4), gap=2)
 
     def _connect(self) -> None:
-        self.play.clicked.connect(self.toggled)
+        self._sound.changed.connect(self.show_state)
+        self.play.clicked.connect(self._sound.toggle)
         self.slider.valueChanged.connect(self._seek)
         self.slowness.activated.connect(self._choose_slowness)
-        self.loop.toggled.connect(self.loop_changed)
-        self.every.toggled.connect(self.every_changed)
-        self.film.clicked.connect(self.film_requested)
-        self.close_button.clicked.connect(self.closed)
+        self.loop.toggled.connect(self._sound.set_loop)
+        self.every.toggled.connect(self._sound.set_every)
+        self.close_button.clicked.connect(self._sound.close)
 
     @Slot(int)
     def _seek(self, value: int) -> None:
-        self.sought.emit(value / _PER_SECOND)
+        self._sound.seek(value / _PER_SECOND)
 
     @Slot(int)
     def _choose_slowness(self, index: int) -> None:
-        self.slowness_chosen.emit(SLOWNESSES[index])
+        self._sound.set_slowness(SLOWNESSES[index])

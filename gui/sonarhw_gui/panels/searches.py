@@ -134,10 +134,9 @@ class FitPanel(SearchPanel):
         self._draw()
 
     @property
-    def settings(self) -> searches.FitSettings:
-        """The selected parameters and search area."""
-        free = tuple(word for word, box in self.free.items() if box.isChecked())
-        return searches.FitSettings(free, everywhere=self.where.currentIndex() == 1)
+    def free_words(self) -> tuple[str, ...]:
+        """The words of the selected quantities."""
+        return tuple(word for word, box in self.free.items() if box.isChecked())
 
     def show_state(self, shown: Shown) -> None:
         """Draw the changes since the last call."""
@@ -158,11 +157,11 @@ class FitPanel(SearchPanel):
 
     @Slot()
     def _begin(self) -> None:
-        self._control.start(self.settings)
+        self._control.start(self.free_words, self.where.currentIndex() == 1)
 
     @Slot()
     def _enable(self) -> None:
-        self._allow(self._is_ready, "Needs readings and a room", possible=bool(self.settings.free))
+        self._allow(self._is_ready, "Needs readings and a room", possible=bool(self.free_words))
         self.where.setEnabled(self.free["position"].isChecked())
 
     def _draw(self) -> None:
@@ -193,7 +192,7 @@ class FitPanel(SearchPanel):
     @Slot()
     def _accept(self) -> None:
         found = self._state.answer
-        values = found.solutions[self.solutions.currentIndex()].values
+        values = found.solutions[self.solutions.currentIndex()]
         if self._apply(lambda: searches.fitted(self._shown.scene, values, found.scene.board)):
             self._control.cancel()
 
@@ -318,7 +317,7 @@ class FindPanel(SearchPanel):
         super().__init__(session, session.finding, "Find")
         self._room: Room | None = None  # the accepted one, while it is the room of the window
         self.scans, self.places = PlainLabel(wordWrap=True), QtWidgets.QComboBox()
-        self.places.addItems([accuracy.text for accuracy in searches.ACCURACIES])
+        self.places.addItems([*searches.ACCURACIES])
         self.places.setToolTip("How well the places of the scans are known; those of logs without a room are unknown")
         ignore_wheel_without_focus(self.places)
         self.go_on = button(
@@ -348,7 +347,7 @@ class FindPanel(SearchPanel):
     @property
     def accuracy(self) -> searches.Accuracy:
         """How well the places of the scans are known, as chosen."""
-        return searches.ACCURACIES[self.places.currentIndex()]
+        return searches.ACCURACIES[self.places.currentText()]
 
     def show_state(self, shown: Shown) -> None:
         """Draw the changes since the last call."""

@@ -20,7 +20,7 @@ from sonarhw.readings import Reading
 from sonarhw_gui.jobs.files import free_name
 from sonarhw_gui.model.look import DARK, LIGHT, UNITS, LengthUnit, Look
 from sonarhw_gui.model.scene import NO_NOTES, NoteTexts, Scene, SceneMemory, room_name
-from sonarhw_gui.session.notices import Notice, NoticeButton, Notices, Until
+from sonarhw_gui.session.notices import Notice, NoticeButton, Notices
 from sonarhw_gui.session.scanner import ScanSettings
 
 # The state that the window restores at the next start, in a settings file of Qt (INI).
@@ -270,7 +270,7 @@ class UnsavedRooms:
         self.write()
         self._opened = self._now = scene
         self._forget_file()
-        self._notices.end(Until.SCENE_REPLACED)
+        self._notices.end("scene replaced")
         if scene.room is None:
             return
         for path, unsaved in self._unsaved():
@@ -341,7 +341,7 @@ class UnsavedRooms:
         if scene.room and scene.room.text != unsaved.opened.room_text:
             text += "; the file has changed since then"
         restore, discard = NoticeButton("Restore", self._restore, path), NoticeButton("Discard", self._discard, path)
-        self._notices.add(Notice(text, restore, discard, until=Until.SCENE_REPLACED))
+        self._notices.add(Notice(text, restore, discard, until="scene replaced"))
 
     def _unsaved(self) -> list[tuple[Path, UnsavedRoom]]:
         """Return all unsaved rooms with their files, newest first."""

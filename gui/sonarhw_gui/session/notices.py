@@ -7,8 +7,7 @@ first.
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import Enum, auto
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 from PySide6.QtCore import QObject, Signal, Slot
 from sonarhw_sim.compilation import Watcher
@@ -18,12 +17,8 @@ from sonarhw.errors import SonarError
 _MOST = 20  # a user who has not read the first of them does not need more
 
 
-class Until(Enum):
-    """What ends a message."""
-
-    CONNECTED = auto()  # a scanner is connected
-    SCENE_REPLACED = auto()  # another room or log is opened
-    SEARCH_CHANGED = auto()  # the scans or the scene of a search for the room change
+# what ends a message: a scanner is connected, another room or log is opened, the scans or the scene of a search change
+Until: TypeAlias = Literal["connected", "scene replaced", "search changed"]
 
 
 class NoticeButton(NamedTuple):
@@ -105,7 +100,7 @@ class Notices(QObject):
 
     def end(self, until: Until) -> None:
         """Remove the messages that this ends."""
-        self._keep(lambda notice: notice.until is not until)
+        self._keep(lambda notice: notice.until != until)
 
     def clear(self) -> None:
         """Remove all events; the current state stays."""

@@ -34,8 +34,8 @@ from sonarhw.wire.messages import Outcome
 from sonarhw_gui.jobs.files import free_name, with_newest
 from sonarhw_gui.jobs.jobs import Jobs
 from sonarhw_gui.model.scene import Scene, room_name
-from sonarhw_gui.session.notices import Notices, Until
-from sonarhw_gui.session.source import RateMeter, RecordedIn
+from sonarhw_gui.session.notices import Notices
+from sonarhw_gui.session.source import UNRECORDED, RateMeter, RecordedIn
 
 # The state of a live scanner as frozen values: its job, its identity and its link.
 
@@ -522,8 +522,8 @@ class Live:
         """The setting of the last scan."""
         scene = self.scene
         if not self.readings or scene is None or scene.room is None:
-            return RecordedIn()
-        return RecordedIn(scene.room.text, scene.room_file, scene.pose.name)
+            return UNRECORDED
+        return scene.room.text, scene.room_file, scene.pose.name
 
     # jobs
 
@@ -595,7 +595,7 @@ class Live:
         if self._state.ended and not self._end_reported:
             self._end_reported = True
             if text := _error_text(self._state):
-                self._notices.fail(text, Until.CONNECTED if thread.leaving else None)
+                self._notices.fail(text, "connected" if thread.leaving else None)
         return bool(fresh)
 
     def _submit(self, phase: Phase, job: Job) -> None:
@@ -707,7 +707,7 @@ class ScannerChoice(QObject):
         try:
             return self._find_scanner(url) if self._find_scanner is not None else None
         except SonarError as error:
-            self._notices.fail(str(error), Until.CONNECTED)
+            self._notices.fail(str(error), "connected")
             return None
 
     def remember(self, target: ScannerTarget) -> None:
@@ -753,7 +753,7 @@ class ScannerChoice(QObject):
 
     def _fail(self, message: str) -> None:
         if message:
-            self._notices.fail(message, Until.CONNECTED)
+            self._notices.fail(message, "connected")
         self._probe_next()
         self.ports_changed.emit(self.rows)
 

@@ -18,7 +18,7 @@ from sonarhw_sim.room.room_writing import save_room
 
 from sonarhw.errors import InputError, SonarError
 from sonarhw.log import Log
-from sonarhw.readings import Origin
+from sonarhw.readings import Origin, Reading
 from sonarhw_gui.jobs import files
 from sonarhw_gui.jobs.jobs import Jobs
 from sonarhw_gui.jobs.searches import RoomSearch, Search, find_pose, search_causes
@@ -27,7 +27,7 @@ from sonarhw_gui.model.look import Look
 from sonarhw_gui.model.scene import Scene, place_warning, room_name
 from sonarhw_gui.model.shown import Shown
 from sonarhw_gui.session.kept import Kept
-from sonarhw_gui.session.notices import Notice, NoticeButton, Notices, Preparation, Until
+from sonarhw_gui.session.notices import Notice, NoticeButton, Notices, Preparation
 from sonarhw_gui.session.scanner import (
     FAKE_NOTE,
     Live,
@@ -294,10 +294,10 @@ class WindowSession(QObject):
         """Open a room file, or a shipped room by its name."""
         self._open("open a room", files.open_room, room, self.shown.scene.board, take=self._take_room)
 
-    @Slot(object)
-    def import_csv(self, csv: files.CsvRead) -> None:
-        """Import a CSV scan as a log in the folder of recordings, and open the log."""
-        self._open("import a scan", files.import_scan, csv, self.live.settings.folder, take=self._take_log)
+    @Slot(object, object)
+    def import_csv(self, csv: Path, readings: Sequence[Reading]) -> None:
+        """Import the readings of a CSV scan as a log in the folder of recordings, and open the log."""
+        self._open("import a scan", files.import_scan, csv, readings, self.live.settings.folder, take=self._take_log)
 
     def _open(self, key: str, function: Callable[..., Any], *args: object, take: Callable[[Any], None]) -> None:
         self.jobs.run(key, function, *args, then=partial(self._take_opened, take), lane="open files")
@@ -459,11 +459,11 @@ class WindowSession(QObject):
 
     @Slot(str)
     def _fail_search(self, message: str) -> None:
-        self.notices.fail(message, Until.SEARCH_CHANGED)
+        self.notices.fail(message, "search changed")
 
     @Slot()
     def _settle_search(self) -> None:
-        self.notices.end(Until.SEARCH_CHANGED)
+        self.notices.end("search changed")
 
     def _take_opened(self, take: Callable[[Any], None], opened: files.Opened) -> None:
         if opened.path is not None:
@@ -487,7 +487,8 @@ class WindowSession(QObject):
             self._warn_if_recorded_elsewhere(opened.scene)
 
     def _take_room(self, opened: files.Opened) -> None:
-        scene = files.at_kept_place(opened.scene, self.shown.scene, self.source.recorded_in.place)
+        *_, recorded_place = self.source.recorded_in
+        scene = files.at_kept_place(opened.scene, self.shown.scene, recorded_place)
         self._scanner_place = place = self._scanner_place.moved(scene)
         if place.follow is None and (doubt := place.doubt(scene)):
             self.notices.warn(doubt)
@@ -530,7 +531,7 @@ class WindowSession(QObject):
 
     def _take_readings(self) -> bool:
         if self.live.newly_connected():  # before its errors are taken
-            self.notices.end(Until.CONNECTED)
+            self.notices.end("connected")
             self._take_board()
         fresh = self.live.take(self._last_tick)
         if fresh:
@@ -563,7 +564,7 @@ class WindowSession(QObject):
 
     @Slot()
     def _follow_sound(self) -> None:
-        self.showing.set_sound(self.sound.moment)
+        self.showing.set_sound(self.sound.drawn)
 
     @Slot()
     def _follow_edit(self) -> None:

@@ -31,7 +31,7 @@ from sonarhw_gui.model.shown import (
     Proposal,
     ScanPair,
     Shown,
-    SoundMoment,
+    SoundState,
     is_same_question,
     overlaid,
 )
@@ -359,7 +359,7 @@ class ShownModel(QObject):
         self.shown = replace(self.shown, overlays=scans, pair=pair)
         self._update_due = True
 
-    def set_sound(self, sound: SoundMoment | None) -> None:
+    def set_sound(self, sound: SoundState | None) -> None:
         """Draw the sound at a moment; None: none."""
         self.shown = replace(self.shown, sound=sound)
         self._update_due = True

@@ -1,33 +1,15 @@
 """Plays the sound of the asked heading or selected reading in slow motion. The views draw `Shown.sound`."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from PySide6.QtCore import QObject, Signal, Slot
-from sonarhw_compare.sound import PlayedPing, caption_at
+from sonarhw_compare.sound import PlayedPing
 
-from sonarhw_gui.model.look import LengthUnit
-from sonarhw_gui.model.shown import Question, Shown, SoundMoment, is_same_question
+from sonarhw_gui.model.shown import Question, Shown, SoundState, is_same_question
 
 SLOWNESSES = (500.0, 1000.0, 2000.0, 5000.0)  # seconds for each second of sound
 _STEP = 1e-6  # s, of the slider
 _HOLD = 1.0  # s between the end and the next round of a loop
-
-
-@dataclass(frozen=True)
-class SoundState:
-    """The content of the bar."""
-
-    ping: PlayedPing | None  # None: there is no heading to play yet
-    time: float = 0.0  # s of sound
-    playing: bool = True
-    loop: bool = True
-    slowness: float = 1000.0
-
-    def caption(self, unit: LengthUnit) -> str:
-        """Return what happens now."""
-        if self.ping is None:
-            return "select a reading, or click the predicted outline"
-        return caption_at(self.ping, self.time, unit.text)
 
 
 class SoundControl(QObject):
@@ -43,10 +25,9 @@ class SoundControl(QObject):
         self._held = 0.0  # s since the end
 
     @property
-    def moment(self) -> SoundMoment | None:
-        """What the views draw; None while closed."""
-        state = self.state
-        return None if state is None or state.ping is None else SoundMoment(state.ping, state.time)
+    def drawn(self) -> SoundState | None:
+        """What the views draw; None while closed, and without a ping."""
+        return self.state if self.state is not None and self.state.ping is not None else None
 
     @Slot(object)
     def follow(self, shown: Shown) -> None:

@@ -5,7 +5,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import Protocol, TypeAlias
 
 from sonarhw.device.replayed_log import Playback
 from sonarhw.log import Log, RecordedScan
@@ -16,12 +16,8 @@ SPEEDS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, math.inf)
 _SPAN = 3.0  # s, of the measurement of a rate
 
 
-class RecordedIn(NamedTuple):
-    """The setting in which readings were recorded; empty parts are unknown."""
-
-    room_text: str = ""
-    room_file: str = ""
-    place: str = ""
+RecordedIn: TypeAlias = tuple[str, str, str]  # text and file of a room, and a place; empty parts are unknown
+UNRECORDED: RecordedIn = ("", "", "")
 
 
 class RateMeter:
@@ -115,7 +111,7 @@ class Replay(Playback):
     def recorded_in(self) -> RecordedIn:
         """The setting that the log names."""
         named = self.log.metadata
-        return RecordedIn(named.room_text, named.room_file, named.place) if self.readings else RecordedIn()
+        return (named.room_text, named.room_file, named.place) if self.readings else UNRECORDED
 
 
 def doubt_in(source: Source, scene: Scene) -> str:

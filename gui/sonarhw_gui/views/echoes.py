@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 from functools import cached_property
 
-from PySide6.QtCore import QEvent, Qt, Signal, Slot
-from PySide6.QtGui import QBrush, QColor, QFocusEvent, QFontMetrics
-from PySide6.QtWidgets import QAbstractItemView, QHBoxLayout, QTableWidget, QTableWidgetItem, QVBoxLayout, QWidget
+from PySide6.QtCore import QEvent, QObject, Qt, Slot
+from PySide6.QtGui import QBrush, QColor, QFontMetrics
+from PySide6.QtWidgets import QHBoxLayout, QTableWidget, QTableWidgetItem, QVBoxLayout, QWidget
 from sonarhw_compare.explain import RankedEcho, outcome_text, ranked_echoes, remedy, remedy_text, runner_up
 from sonarhw_compare.headings import heading_text
 from sonarhw_sim.predict.predicted_scan import PredictedScan
@@ -15,7 +15,7 @@ from sonarhw_gui.model.scene import decibels_text
 from sonarhw_gui.model.shown import Shown, is_same_question
 from sonarhw_gui.model.theme import text_font
 from sonarhw_gui.views.base import Gestures, ViewEntry
-from sonarhw_gui.widgets import ElidedLabel, PlainLabel, arranged, plain_tip
+from sonarhw_gui.widgets import ElidedLabel, PlainLabel, arranged, plain_tip, text_table
 
 COLUMNS = ("½ path", "level", "what becomes of it", "path")
 
@@ -90,15 +90,30 @@ class EchoListView(QWidget):
         self._shown: Shown | None = None
         self._filling = False
         self.title, self.note = PlainLabel(), ElidedLabel()
-        self.table = _EchoTable(0, len(COLUMNS))
-        self.table.setAccessibleName("Echoes at this heading")
-        self.table.setHorizontalHeaderLabels(COLUMNS)
+        self.table = self._made_table()
         self.table.model().setHeaderData(0, Qt.Orientation.Horizontal, _HALF_TIP, Qt.ItemDataRole.ToolTipRole)
         self.table.cellEntered.connect(self._point)
         self.table.currentCellChanged.connect(self._point)
-        self.table.left.connect(self._leave)
+        self.table.installEventFilter(self)
         head = arranged(QHBoxLayout(), self.title, self.note, rest=self.note, margins=(8, 2, 8, 2), gap=12)
         arranged(QVBoxLayout(self), head, self.table)
+
+    def _made_table(self) -> QTableWidget:
+        table = text_table(*COLUMNS)
+        table.setAccessibleName("Echoes at this heading")
+        table.setMouseTracking(True)
+        table.setShowGrid(False)
+        table.setWordWrap(False)
+        table.setAlternatingRowColors(True)
+        table.setTabKeyNavigation(False)
+        table.horizontalHeader().setHighlightSections(False)
+        return table
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        """Note that the mouse or the focus leaves the table."""
+        if event.type() in (QEvent.Type.Leave, QEvent.Type.FocusOut):
+            self._leave()
+        return super().eventFilter(watched, event)
 
     def show_state(self, shown: Shown) -> None:
         """List the echoes of another heading, and redraw after a change of the look."""
@@ -158,7 +173,6 @@ class EchoListView(QWidget):
         self.note.setText(self.list.note(row))
         self.gestures.path_pointed.emit(self.list.found[row].path)
 
-    @Slot()
     def _leave(self) -> None:
         """Draw the path of the current row again, if the table has the focus."""
         row = self.table.currentRow() if self.table.hasFocus() else -1
@@ -168,33 +182,3 @@ class EchoListView(QWidget):
         self.gestures.path_pointed.emit(None)
         if self.list is not None:
             self.note.setText(self.list.note(None))
-
-
-class _EchoTable(QTableWidget):
-    """A table that reports when the mouse or the focus leaves it."""
-
-    left = Signal()
-
-    def __init__(self, rows: int, columns: int) -> None:
-        super().__init__(rows, columns)
-        self.setMouseTracking(True)
-        self.setShowGrid(False)
-        self.setWordWrap(False)
-        self.setAlternatingRowColors(True)
-        self.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
-        self.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
-        self.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
-        self.setTabKeyNavigation(False)
-        self.verticalHeader().hide()
-        self.horizontalHeader().setStretchLastSection(True)
-        self.horizontalHeader().setHighlightSections(False)
-
-    def leaveEvent(self, event: QEvent) -> None:
-        """Report that the mouse has left."""
-        super().leaveEvent(event)
-        self.left.emit()
-
-    def focusOutEvent(self, event: QFocusEvent) -> None:
-        """Report that the focus has left."""
-        super().focusOutEvent(event)
-        self.left.emit()

@@ -19,7 +19,7 @@ from sonarhw_gui.model.look import LIGHT, MARKS, OVERLAYS, Class, LengthUnit, Lo
 from sonarhw_gui.model.scene import NoteTexts
 from sonarhw_gui.model.shown import ClassPoints, Shown
 from sonarhw_gui.model.theme import NOTE_SIZE, note_symbol
-from sonarhw_gui.views.base import PlotLayer, cosmetic_pen
+from sonarhw_gui.views.base import cosmetic_pen
 
 # Points of equal look, and lines, fast enough for 30 repaints per second of a whole window.
 #
@@ -356,7 +356,7 @@ class Dots(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no types
 
 
 class ReadingMarks:
-    """One scatter for each class, and a ring around the selected reading."""
+    """One scatter for each class, a ring around the selected reading, and a small sheet above each one with a note."""
 
     def __init__(self, plot: pg.PlotItem, tip: Callable[[int], str]) -> None:
         self.placed: dict[Class, Placed] = {}
@@ -365,6 +365,9 @@ class ReadingMarks:
         self._colours = LIGHT
         self._ring = Spots(size=_RING, symbol="o", brush=None)
         self._dots = {kind: Dots() for kind in MARKS}
+        self.notes = Spots(size=NOTE_SIZE, symbol=note_symbol())
+        self.notes.setZValue(ABOVE_MARKS)
+        plot.addItem(self.notes, ignoreBounds=True)
         items: tuple[pg.GraphicsObject, ...] = (*self._dots.values(), *self.scatters.values(), self._ring)
         for z, item in enumerate(items):
             item.setZValue(_LOWEST + z)
@@ -379,6 +382,8 @@ class ReadingMarks:
         for kind, dots in self._dots.items():
             dots.set_pen(cosmetic_pen(colours.of(kind), width=_DOT))
         self._ring.setPen(cosmetic_pen(colours.chosen, width=2))
+        self.notes.setPen(cosmetic_pen(colours.note_ink))
+        self.notes.setBrush(colours.note_paper)
 
     def draw(self, placed: dict[Class, Placed]) -> None:
         """Draw the readings of each class at their positions, (n, 2) float in plot coordinates."""
@@ -420,6 +425,16 @@ class ReadingMarks:
         else:
             self._ring.setData(*position[:, None])
 
+    def draw_notes(self, notes: NoteTexts) -> None:
+        """Draw the notes on the readings that are drawn."""
+        noted = list(notes.by_reading)
+        if not noted:
+            self.notes.clear()
+            return
+        drawn = self.placed.values()
+        places = np.vstack([NO_POSITIONS, *(places[np.isin(points.readings, noted)] for points, places in drawn)])
+        self.notes.setData(*places[np.isfinite(places).all(axis=1)].T)
+
     def position_of(self, reading: int | None) -> FloatArray | None:
         """Return the position of a reading, (2,) float in plot coordinates; None if it is not drawn."""
         for points, positions in self.placed.values():
@@ -433,28 +448,6 @@ def _unchanged_count(before: Placed, now: Placed) -> int:
     count = len(before[1])
     same = before[0].readings == now[0].readings[:count] and np.array_equal(before[1], now[1][:count])
     return count if same else 0
-
-
-# The marks of notes: a small sheet above the mark of each reading that has one.
-
-
-class NoteMarks(PlotLayer):
-    """One mark for each note on a visible reading."""
-
-    def __init__(self, plot: pg.PlotItem) -> None:
-        super().__init__(plot)
-        self.spots = self._add(Spots(size=NOTE_SIZE, symbol=note_symbol()), ABOVE_MARKS, "note_ink", brush="note_paper")
-
-    def draw(self, notes: NoteTexts, marks: ReadingMarks) -> None:
-        """Draw the notes on the readings that `marks` draws."""
-        noted = list(notes.by_reading)
-        if not noted:
-            self.spots.clear()
-            return
-        drawn = marks.placed.values()
-        places = np.vstack([NO_POSITIONS, *(at[np.isin(points.readings, noted)] for points, at in drawn)])
-        places = places[np.isfinite(places).all(axis=1)]
-        self.spots.setData(*places.T)
 
 
 # The marks of scans that are drawn over the one shown: a colour and an outlined shape for each.

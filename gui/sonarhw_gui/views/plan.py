@@ -11,7 +11,7 @@ from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent, MouseDragEvent
 from PySide6 import QtWidgets
 from PySide6.QtCore import QEvent, QMargins, QPointF, QRectF, Qt, Signal, Slot
 from PySide6.QtGui import QAction, QActionGroup, QFontMetrics, QKeyEvent
-from sonarhw_compare.edits import Point, add_post, add_wall
+from sonarhw_compare.edits import Point
 from sonarhw_compare.pictures import points_at
 from sonarhw_compare.sound import counted_position
 from sonarhw_sim.predict.predicted_scan import standpoints
@@ -20,13 +20,13 @@ from sonarhw_sim.room.room_file import MAX_COORDINATE
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
 from sonarhw_gui import widgets
-from sonarhw_gui.model.edits import Edit, bearing, room_and_place, with_room
+from sonarhw_gui.model.edits import Edit, bearing, with_post, with_wall
 from sonarhw_gui.model.look import LengthUnit, Look, ViewLayer
 from sonarhw_gui.model.scene import Scene, outline_points, plan_bounds
-from sonarhw_gui.model.shown import Parts, Shown, marked_parts
+from sonarhw_gui.model.shown import NO_PROPOSAL, Parts, Shown, marked_parts
 from sonarhw_gui.model.theme import text_font
 from sonarhw_gui.views import base, plan_layers
-from sonarhw_gui.views.marks import NO_POSITIONS, NoteMarks, Outline, OverlayMarks, ReadingMarks, reading_tip
+from sonarhw_gui.views.marks import NO_POSITIONS, Outline, OverlayMarks, ReadingMarks, reading_tip
 from sonarhw_gui.views.plan_tools import TOOLS, PlanController
 
 # The plan: the room to scale, predicted and measured points, the beam, and the rays of the selected reading.
@@ -55,13 +55,13 @@ class PlanDrawing(base.Canvas):
         self.room, self.sensor = plan_layers.RoomLayer(self.plot), plan_layers.SensorLayer(self.plot)
         self._outline = Outline()
         self.plot.addItem(self._outline)
-        self.path, self.pointer = plan_layers.PathLayer(self.plot), plan_layers.CursorLayer(self.plot)
+        self.path = plan_layers.PathLayer(self.plot)
         self._marks = ReadingMarks(self.plot, self._tip)
-        self.notes = NoteMarks(self.plot)
         self.arrows = plan_layers.EdgeArrows(self._box)
         self.ruler = plan_layers.RulerLayer(self.plot)
         self.sound = plan_layers.SoundLayer(self.plot)
-        self.proposal, self.overlays = plan_layers.ProposalLayer(self.plot), OverlayMarks(self.plot)
+        self.proposal = plan_layers.SurfaceLayer(self.plot, z=35, width=4, cross=18)
+        self.overlays = OverlayMarks(self.plot)
         self.found = plan_layers.FoundLayer(self.plot)
         self.gestures = gestures
         self.controller = PlanController(self, gestures)
@@ -82,11 +82,11 @@ class PlanDrawing(base.Canvas):
             yield _path_parts, self.path.draw
         if self._measured:
             yield marked_parts, self._draw_marks
-            yield lambda new: (*marked_parts(new), new.notes), lambda new: self.notes.draw(new.notes, self._marks)
+            yield lambda new: (*marked_parts(new), new.notes), lambda new: self._marks.draw_notes(new.notes)
             yield lambda new: (*marked_parts(new), new.chosen), lambda new: self._marks.ring(new.chosen)
             yield lambda new: (new.overlays,), self._draw_overlays
-        yield lambda new: (new.scene, new.cursor), self.pointer.draw
-        yield _proposal_parts, lambda new: self.proposal.draw(new.proposal, self._marks)
+        yield lambda new: (new.scene, new.cursor), self.sensor.draw_cursor
+        yield _proposal_parts, self._draw_proposal
         yield lambda new: (new.found,), lambda new: self.found.draw(new.found)
         yield lambda new: (new.sound, new.look), self.sound.draw
         yield lambda new: (*marked_parts(new), new.chosen, new.look), self._draw_arrows
@@ -251,8 +251,8 @@ class PlanDrawing(base.Canvas):
         metrics = QFontMetrics(text_font(look, 0.9))
         # wider tick values would change the size of the plan, and with it the visible range
         self.plot.getAxis("left").setWidth(metrics.horizontalAdvance(_WIDEST) + metrics.height() + 8)
-        drawn = self.room, self.sensor, self.path, self.pointer, self.ruler, self.sound, self.proposal, self.found
-        for layer in (*drawn, self.overlays, self._outline, self._marks, self.notes, self.arrows):
+        drawn = self.room, self.sensor, self.path, self.ruler, self.sound, self.proposal, self.found
+        for layer in (*drawn, self.overlays, self._outline, self._marks, self.arrows):
             layer.set_look(look)
 
     def _draw_outline(self, shown: Shown) -> None:
@@ -270,6 +270,13 @@ class PlanDrawing(base.Canvas):
 
     def _draw_overlays(self, shown: Shown) -> None:
         self.overlays.draw({scan.style: scan.points for scan in shown.overlays if scan.visible})
+
+    def _draw_proposal(self, shown: Shown) -> None:
+        """Draw a proposed change of the room, and rings around the readings that it explains, at their marks."""
+        proposal = shown.proposal or NO_PROPOSAL
+        marks = [self._marks.position_of(reading) for reading in proposal.readings]
+        explained = np.array([mark for mark in marks if mark is not None]).reshape(-1, 2)
+        self.proposal.draw_surfaces(proposal.walls, proposal.posts, explained)
 
     def _draw_arrows(self, shown: Shown) -> None:
         self.arrows.draw(self._marks.placed, shown.scene.pose.position, shown.chosen)
@@ -444,16 +451,12 @@ class TypedSurface(QtWidgets.QDialog):
         self.close()
 
     def _edited(self, scene: Scene) -> Edit:
-        room, _ = room_and_place(scene)
-        values = [round(self._unit.metres(field.value()), 6) for field in self.fields]
+        x, y, *others = (round(self._unit.metres(field.value()), 6) for field in self.fields)
         if self._post:
-            return with_room(
-                scene, add_post(room, (values[0], values[1]), values[2], room.materials[0])
-            ), "adding a post"
-        if values[:2] == values[2:]:
+            return with_post(scene, (x, y), others[0])
+        if [x, y] == others:
             raise InputError("the ends of the wall are the same point; give two different points")
-        ends = (values[0], values[1]), (values[2], values[3])
-        return with_room(scene, add_wall(room, *ends, room.materials[0])), "adding a wall"
+        return with_wall(scene, (x, y), (others[0], others[1]))
 
 
 _MOVES = {"Left": (-1, 0), "Right": (1, 0), "Down": (0, -1), "Up": (0, 1)}

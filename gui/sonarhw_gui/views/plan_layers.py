@@ -18,10 +18,10 @@ from sonarhw_sim.room.room import Room
 from sonarhw.readings import FloatArray
 from sonarhw_gui.model.look import Class, Look, ViewLayer
 from sonarhw_gui.model.scene import beam_wedge, bounce_labels, half_power_angle, surface_outlines, wall_lines
-from sonarhw_gui.model.shown import NO_POINTS, FoundDrawing, Proposal, Shown, chosen_path
+from sonarhw_gui.model.shown import NO_POINTS, NOT_FOUND, FoundDrawing, Shown, chosen_path
 from sonarhw_gui.model.theme import text_font
 from sonarhw_gui.views.base import PlotLayer, cosmetic_pen, with_gaps
-from sonarhw_gui.views.marks import Placed, PlotLine, ReadingMarks, Spots
+from sonarhw_gui.views.marks import Placed, PlotLine, Spots
 
 if TYPE_CHECKING:
     from sonarhw_compare.rooms.outcome import NextPlace
@@ -67,7 +67,7 @@ class RoomLayer(PlotLayer):
 
 
 class SensorLayer(PlotLayer):
-    """The sensor, the zero of its turntable, the beam of the selected reading, and the turntable's direction now."""
+    """The sensor, its zero, its beam and its direction now, and a cross at the pointer of another view."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
         super().__init__(plot)
@@ -79,6 +79,7 @@ class SensorLayer(PlotLayer):
         # filled: the ring of the selected reading is hollow
         self._handle = self._add(Spots(size=11, symbol="o"), 21, "paper", brush="ink")
         self._sensor = self._add(Spots(size=_SENSOR, symbol="d"), 22, "paper", brush="ink", bounds=True)
+        self._cross = self._add(Spots(size=17, symbol="crosshair", brush=None), 25, "chosen")
 
     def draw(self, shown: Shown) -> None:
         """Draw the beam at the heading of the selected reading, and a dotted line at the newest heading.
@@ -105,6 +106,13 @@ class SensorLayer(PlotLayer):
         self._turntable.setData(*turntable.T)
         self._zero.setData(*zero.T)
         self._handle.setData(*axis[1:2].T)
+
+    def draw_cursor(self, shown: Shown) -> None:
+        """Draw the cursor of another view, or hide it if there is none."""
+        points, cursor = _NOTHING, shown.cursor
+        if cursor is not None:
+            points = points_at(shown.scene.pose.position, np.array([cursor.heading]), np.array([cursor.range]))
+        _set(self._cross, points)  # hidden items take no time
 
 
 class PathLayer(PlotLayer):
@@ -150,22 +158,6 @@ class PathLayer(PlotLayer):
         taken = [_sensor_box(self._labels[0].getViewBox(), self._sensor)]
         for label, (_, at) in zip(self._labels, self._texts, strict=False):
             _set_beside(label, at, taken)
-
-
-class CursorLayer(PlotLayer):
-    """A cross at the position of the pointer in another view."""
-
-    def __init__(self, plot: pg.PlotItem) -> None:
-        super().__init__(plot)
-        self._cross = self._add(Spots(size=17, symbol="crosshair", brush=None), 25, "chosen")
-
-    def draw(self, shown: Shown) -> None:
-        """Draw the cursor, or hide it if there is none."""
-        at, cursor = _NOTHING, shown.cursor
-        if cursor is not None:
-            at = points_at(shown.scene.pose.position, np.array([cursor.heading]), np.array([cursor.range]))
-        self._cross.setData(*at.T)
-        self._cross.setVisible(cursor is not None)  # hidden items take no time
 
 
 class RulerLayer(PlotLayer):
@@ -417,17 +409,20 @@ _REACH = 0.18  # of the diagonal of the found walls: radius of the sectors of th
 
 
 class SurfaceLayer(PlotLayer):
-    """Dashed walls and posts that are not in the room."""
+    """Dashed walls and posts that are not in the room, with rings around the readings that speak for them."""
 
     def __init__(self, plot: pg.PlotItem, z: float, width: float, cross: float) -> None:
         """`cross`: size of that at a post, which may be smaller than a pixel, pixels."""
         super().__init__(plot)
         self.surfaces = self._add(PlotLine(connect="finite"), z, "predicted", width, Qt.PenStyle.DashLine)
         self._posts = self._add(Spots(size=cross, symbol="+", brush=None), z, "predicted", 2)
+        self.rings = self._add(Spots(size=15, symbol="o", brush=None), 34, "predicted", 2)
 
-    def _draw_surfaces(self, walls: FloatArray, posts: FloatArray) -> None:
+    def draw_surfaces(self, walls: FloatArray, posts: FloatArray, speaking_for: FloatArray) -> None:
+        """Draw walls (n, 4) and posts (m, 3), and rings around points (k, 2), all m."""
         _set(self.surfaces, surface_outlines(walls, posts))
         _set(self._posts, posts[:, :2])
+        _set(self.rings, speaking_for)
 
 
 class FoundLayer(SurfaceLayer):
@@ -437,7 +432,6 @@ class FoundLayer(SurfaceLayer):
         super().__init__(plot, 4, 3, 16)  # over walls and outline, below readings of all scans
         self.chosen = self._add(PlotLine(connect="finite"), 4.5, "predicted", 5)
         self.sectors = self._add(PlotLine(connect="finite"), 33, "ink", style=Qt.PenStyle.DotLine)
-        self.speaking_for = self._add(Spots(size=15, symbol="o", brush=None), 34, "predicted", 2)
         self.against = self._add(Spots(size=15, symbol="x", brush=None), 34, "long", 3)
         self.next_scan = self._add(Spots(size=20, symbol="star"), 37, "ink", brush="extra")
         self._label = self._add_label(37, "ink", "paper", 0.9, text="scan next", anchor=(0.5, -0.5))
@@ -451,12 +445,11 @@ class FoundLayer(SurfaceLayer):
 
     def draw(self, found: FoundDrawing | None) -> None:
         """Draw the state of a search; None: nothing."""
-        walls, posts = (np.empty((0, 4)), np.empty((0, 3))) if found is None else (found.walls, found.posts)
-        self._draw_surfaces(walls, posts)
-        _set(self.chosen, NO_POINTS if found is None else surface_outlines(found.chosen_walls, found.chosen_posts))
-        _set(self.speaking_for, NO_POINTS if found is None else found.speaking_for)
-        _set(self.against, NO_POINTS if found is None else found.against)
-        self._draw_next(None if found is None else found.next_scan, walls)
+        found = found or NOT_FOUND
+        self.draw_surfaces(found.walls, found.posts, found.speaking_for)
+        _set(self.chosen, surface_outlines(found.chosen_walls, found.chosen_posts))
+        _set(self.against, found.against)
+        self._draw_next(found.next_scan, found.walls)
 
     def _draw_next(self, place: "NextPlace | None", walls: FloatArray) -> None:
         at = NO_POINTS if place is None else np.array([place.position])
@@ -484,22 +477,6 @@ def _sectors(place: "NextPlace", reach: float) -> FloatArray:
         arc = middle + reach * np.column_stack((np.cos(angles), np.sin(angles)))
         arcs.append(np.vstack((middle, arc, middle)))
     return with_gaps(arcs)
-
-
-class ProposalLayer(SurfaceLayer):
-    """A proposed change of the room, and rings around the readings that it explains."""
-
-    def __init__(self, plot: pg.PlotItem) -> None:
-        super().__init__(plot, 35, 4, 18)
-        self.rings = self._add(Spots(size=15, symbol="o", brush=None), 34, "predicted", 2)
-
-    def draw(self, proposal: Proposal | None, marks: ReadingMarks) -> None:
-        """Draw a proposal, and rings around its readings at their marks; None: nothing."""
-        walls, posts = (np.empty((0, 4)), np.empty((0, 3))) if proposal is None else (proposal.walls, proposal.posts)
-        self._draw_surfaces(walls, posts)
-        found = [] if proposal is None else [marks.position_of(reading) for reading in proposal.readings]
-        positions = [position for position in found if position is not None]
-        self.rings.setData(*np.array(positions).reshape(-1, 2).T)
 
 
 # The layer of the plan that draws sound on its paths, what the board does not detect yet, and what it would report.

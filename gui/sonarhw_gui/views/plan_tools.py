@@ -7,7 +7,7 @@ from typing import Protocol
 
 from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent, MouseDragEvent
 from PySide6.QtCore import QPointF, Qt
-from sonarhw_compare.edits import POST, WALL, Point, add_post, add_wall, corners, free_name
+from sonarhw_compare.edits import POST, WALL, Point, corners, free_name
 from sonarhw_compare.headings import heading_text
 from sonarhw_sim.room.room import Room
 
@@ -218,13 +218,15 @@ class Ruler(Tool):
         self._context.show_message(text)
 
 
-class _Drawing(Tool):
-    """Adds a wall or post. The prediction is updated during the drag."""
+class WallPencil(Tool):
+    """Adds a wall. The prediction is updated during the drag."""
 
+    name, key = "Wall", "W"
+    tip = "Click each corner of new walls; Esc ends. Or drag from one end of a wall to the other. Ends snap to corners"
     shape = Qt.CursorShape.CrossCursor
     can_edit = True
-    stem = ""  # first word of the new object's name
-    chains = False  # whether the second point is also the first one of the next object
+    stem = WALL  # first word of the new object's name
+    chains = True  # whether the second point is also the first one of the next object
 
     def __init__(self, context: "PlanController") -> None:
         super().__init__(context)
@@ -289,34 +291,21 @@ class _Drawing(Tool):
                 self._context.choose_surface(free_name(self._before.room, self.stem))
 
     def _drawn(self, scene: Scene, end: Point) -> edits.Edit:
-        raise NotImplementedError
+        return edits.with_wall(scene, self._start, end)
 
     def _size(self, end: Point) -> str:
         return ruler_text(self._start, end, self._context.shown.look.unit)
 
 
-class WallPencil(_Drawing):
-    """Adds a wall."""
+class PostPencil(WallPencil):
+    """Adds a post, by its centre and a point of its rim."""
 
-    name, key, stem = "Wall", "W", WALL
-    tip = "Click each corner of new walls; Esc ends. Or drag from one end of a wall to the other. Ends snap to corners"
-    chains = True
-
-    def _drawn(self, scene: Scene, end: Point) -> edits.Edit:
-        room, _ = edits.room_and_place(scene)
-        return edits.with_room(scene, add_wall(room, self._start, end, room.materials[0])), "adding a wall"
-
-
-class PostPencil(_Drawing):
-    """Adds a post."""
-
-    name, key, stem = "Post", "P", POST
+    name, key = "Post", "P"
     tip = "Drag from the centre of a new post to its rim, or click both"
+    stem, chains = POST, False
 
     def _drawn(self, scene: Scene, end: Point) -> edits.Edit:
-        room, _ = edits.room_and_place(scene)
-        radius = round(math.dist(self._start, end), 3)
-        return edits.with_room(scene, add_post(room, self._start, radius, room.materials[0])), "adding a post"
+        return edits.with_post(scene, self._start, round(math.dist(self._start, end), 3))
 
     def _size(self, end: Point) -> str:
         return f"radius {self._context.shown.look.unit.text(math.dist(self._start, end))}"

@@ -21,7 +21,6 @@ from sonarhw_gui.views.marks import (
     ABOVE_MARKS,
     NO_MARKS,
     NO_POSITIONS,
-    NoteMarks,
     Outline,
     OverlayMarks,
     Placed,
@@ -91,7 +90,6 @@ class RangeView(base.Canvas):
         self._tolerance = self._add_tolerance()
         self._marks = tuple(ReadingMarks(plot, self._tip) for plot in (self.ranges, self.residuals))
         self.overlays = OverlayMarks(self.ranges)
-        self.notes = NoteMarks(self.ranges)
         self.beyond = {
             Kind.SHORT: self._add_arrows(1),
             Kind.LONG: self._add_arrows(-1),
@@ -121,7 +119,7 @@ class RangeView(base.Canvas):
             self._marks[1].draw(_residuals(shown))
             self._draw_beyond(shown)
         if shown.changed_since(before, lambda new: (new.notes,)) or not shown.same_readings(before):
-            self.notes.draw(shown.notes, self._marks[0])
+            self._marks[0].draw_notes(shown.notes)
         if shown.changed_since(before, lambda new: (new.overlays,)):
             visible = [scan for scan in shown.overlays if scan.visible]
             self.overlays.draw(
@@ -172,7 +170,6 @@ class RangeView(base.Canvas):
         for marks in self._marks:
             marks.set_look(look)
         self.overlays.set_look(look)
-        self.notes.set_look(look)
         self._outline.set_look(look)
         for kind, arrows in self.beyond.items():
             arrows.setPen(base.cosmetic_pen(look.palette.paper, width=1))

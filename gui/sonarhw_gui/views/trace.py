@@ -19,7 +19,7 @@ from sonarhw.readings import FloatArray
 from sonarhw_gui.jobs.traces import ChosenTrace, Curve, NamedEcho, TraceCurves
 from sonarhw_gui.model.look import Look, ViewLayer
 from sonarhw_gui.model.scene import Scene
-from sonarhw_gui.model.shown import Cursor, Shown, SoundMoment, initial_range
+from sonarhw_gui.model.shown import Cursor, Shown, SoundState, initial_range
 from sonarhw_gui.views import base
 from sonarhw_gui.views.marks import PlotLine, Spots, TipSpots
 from sonarhw_gui.widgets import ElidedLabel, LabelSlot, PlainLabel, arranged
@@ -78,43 +78,31 @@ def signal_curve(sound: TraceCurves) -> Curve:
     return Curve(np.concatenate((times, gap, times)), np.concatenate((levels, gap, -levels)))
 
 
-class UnitAxis(base.PlotAxis):
-    """An axis whose tick values include the unit, which takes less height than a label."""
+class TickAxis(base.PlotAxis):
+    """An axis with a unit behind its tick values, which takes less height than a label, or without high tick values."""
 
     def __init__(self, side: str) -> None:
         super().__init__(side)
-        self.unit = ""
+        self._unit, self._highest = "", np.inf
+        self._heights: Heights | None = None
 
     def set_unit(self, unit: str, scale: float) -> None:
         """Show tick values in `unit`; `scale` converts from plot coordinates."""
         self.setScale(scale)
-        if unit != self.unit:
-            self.unit = unit
+        if unit != self._unit:
+            self._unit = unit
             self.picture = None
 
-    def tickStrings(self, values: list[float], scale: float, spacing: float) -> list[str]:
-        """Return the tick values with their unit."""
-        return [f"{text} {self.unit}" for text in super().tickStrings(values, scale, spacing)]
-
-
-class HeightAxis(base.PlotAxis):
-    """Axis without tick values above `top`, where names are drawn."""
-
-    def __init__(self) -> None:
-        super().__init__("left")
-        self._heights: Heights | None = None
-
     def set_heights(self, heights: Heights) -> None:
-        """Set the height scale."""
+        """Label the axis for a height scale, without tick values above its top, where names are drawn."""
         if heights != self._heights:
-            self._heights = heights
+            self._heights, self._highest = heights, heights.top + _ROUNDING
             base.label_axis(self, heights.label)
 
     def tickStrings(self, values: list[float], scale: float, spacing: float) -> list[str]:
-        """Return the tick values, empty above the top."""
-        texts = super().tickStrings(values, scale, spacing)
-        top = self._heights.top + _ROUNDING if self._heights else 0.0
-        return [text if value <= top else "" for text, value in zip(texts, values, strict=True)]
+        """Return the tick values with their unit; empty above the highest."""
+        texts = zip(super().tickStrings(values, scale, spacing), values, strict=True)
+        return [f"{text} {self._unit}".rstrip() if value <= self._highest else "" for text, value in texts]
 
 
 class GainAxis(base.PlotAxis):
@@ -222,7 +210,7 @@ def _line(name: str) -> pg.InfiniteLine:
     return line
 
 
-# Marks in the trace plot: blanking, threshold, gain, and the echoes that the board reported.
+# Marks in the trace plot: blanking, threshold, gain, the echoes that the board reported, and the sound played.
 
 
 _FROM = 3e-4  # s; earlier, the gain of an ideal receiver approaches zero
@@ -230,7 +218,7 @@ _BEHIND = -20  # z value
 
 
 class TraceMarks(base.PlotLayer):
-    """The marks of one plot. Its right axis shows the gain."""
+    """The marks of one plot, also of the sound that is played. Its right axis shows the gain."""
 
     def __init__(self, plot: pg.PlotItem, gain_axis: GainAxis) -> None:
         super().__init__(plot)
@@ -241,6 +229,21 @@ class TraceMarks(base.PlotLayer):
         self._threshold = self._add(PlotLine(connect="pairs"), None, "threshold", 1, Qt.PenStyle.DashLine)
         self._gain = self._add(PlotLine(), _BEHIND + 1, "faint")
         self._reported = self._add(TipSpots(size=9, symbol="t1", pen=None), 5, brush="measured")
+        self.sound = self._add(pg.InfiniteLine(angle=90), None, "chosen", 2)
+        self.crossing = self._add(Spots(size=14, symbol="o", brush=None), 6, "measured", 2)  # of the threshold
+        self.draw_sound(None, EMPTY)
+
+    def draw_sound(self, sound: SoundState | None, heights: Heights) -> None:
+        """Draw a line at the time of the sound, and a ring at the detection once it has happened; None: neither."""
+        detected = None if sound is None or sound.ping is None else sound.ping.detected
+        crossed = sound is not None and detected is not None and sound.time >= detected
+        self.sound.setVisible(sound is not None)
+        self.crossing.setVisible(crossed)
+        if sound is not None:
+            self.sound.setValue(sound.time)
+        if sound is not None and sound.ping is not None and crossed:
+            level = heights.of(sound.ping.prediction.board.threshold_db)
+            self.crossing.setData([detected], [level])
 
     def draw(self, trace: ChosenTrace | None, heights: Heights, look: Look) -> None:
         """Draw the marks of a trace; None hides them."""
@@ -268,32 +271,6 @@ class TraceMarks(base.PlotLayer):
             item.setVisible(self._drawn and layer not in shown.hidden)
 
 
-# The cursor of the trace that is in step with the sound in the plan, and the point where the threshold is crossed.
-
-
-class TraceSound(base.PlotLayer):
-    """A line at the time of the sound, and a ring at the detection once it has happened."""
-
-    def __init__(self, plot: pg.PlotItem) -> None:
-        super().__init__(plot)
-        self.line = self._add(pg.InfiniteLine(angle=90), None, "chosen", 2)
-        self.crossing = self._add(Spots(size=14, symbol="o", brush=None), 6, "measured", 2)
-        self.line.setVisible(False)
-        self.crossing.setVisible(False)
-
-    def draw(self, sound: SoundMoment | None, heights: Heights) -> None:
-        """Draw one moment, or hide it."""
-        self.line.setVisible(sound is not None)
-        detected = None if sound is None else sound.ping.detected
-        crossed = sound is not None and detected is not None and sound.time >= detected
-        self.crossing.setVisible(crossed)
-        if sound is not None:
-            self.line.setValue(sound.time)
-        if sound is not None and crossed and detected is not None:
-            level = heights.of(sound.ping.prediction.board.threshold_db)
-            self.crossing.setData(np.array([detected]), np.array([level]))
-
-
 # The names of the predicted echoes, in a few rows above the trace, without overlap.
 #
 # The reported echo is placed first, then the others by level. A line connects each name with its echo. Names that do
@@ -309,12 +286,7 @@ _LONGEST_REPORTED = 64
 _POINTS = 8.0  # font size
 
 
-@dataclass(frozen=True)
-class _Name:
-    echo: NamedEcho
-    text: str
-    row: int
-    leftward: bool  # the text ends at its stem instead of beginning there
+_Name = tuple[NamedEcho, str, int, bool]  # echo, text, row, and whether the text ends at its stem, not begins there
 
 
 class EchoNames:
@@ -384,13 +356,13 @@ class EchoNames:
             self._items.append(item)
         for item in self._items[len(names) :]:
             item.setVisible(False)
-        for item, name in zip(self._items, names, strict=False):
-            colour = self._colour(name.echo.detectable)
+        for item, (echo, text, row, leftward) in zip(self._items, names, strict=False):
+            colour = self._colour(echo.detectable)
             # laying out a text takes long
-            if (item.textItem.toPlainText(), item.color.name()) != (name.text, colour.lower()):
-                item.setText(name.text, color=colour)
-            item.setAnchor((1.0 if name.leftward else 0.0, 0.5))
-            item.setPos(name.echo.time, self._middle(name.row))
+            if (item.textItem.toPlainText(), item.color.name()) != (text, colour.lower()):
+                item.setText(text, color=colour)
+            item.setAnchor((1.0 if leftward else 0.0, 0.5))
+            item.setPos(echo.time, self._middle(row))
             item.setVisible(True)
 
     def _middle(self, row: int) -> float:
@@ -420,14 +392,14 @@ class EchoNames:
                 row = next((k for k in range(self._rows) if all(end <= b or begin >= e for b, e in rows[k])), None)
                 if begin >= 0 and end <= whole and row is not None:
                     rows[row].append((begin, end))
-                    return _Name(echo, text, row, leftward)
+                    return echo, text, row, leftward
         return None
 
     def _stem_ends(self, names: Sequence[_Name]) -> np.ndarray:
         ends = [
-            (name.echo.time, height)
-            for name in names
-            for height in (self._heights.of(name.echo.level_db), self._middle(name.row))
+            (echo.time, height)
+            for echo, _, row, _ in names
+            for height in (self._heights.of(echo.level_db), self._middle(row))
         ]
         return np.array(ends).reshape(-1, 2)
 
@@ -472,7 +444,7 @@ class TraceView(QWidget):
         self.title, self.readout = ElidedLabel(), PlainLabel()
         self.title.setAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
         gain_axis = GainAxis()
-        self._times, self._ranges, self._levels = UnitAxis("bottom"), UnitAxis("top"), HeightAxis()
+        self._times, self._ranges, self._levels = (TickAxis(side) for side in ("bottom", "top", "left"))
         axes = {"left": self._levels, "right": gain_axis, "top": self._ranges, "bottom": self._times}
         self.plot = base.new_plot(axes, zooms_height=False)
         self.canvas = base.Canvas(self.plot)
@@ -480,7 +452,6 @@ class TraceView(QWidget):
         for item in (self._predicted, self._measured):
             self.plot.addItem(item, ignoreBounds=True)
         self.marks = TraceMarks(self.plot, gain_axis)
-        self.sound = TraceSound(self.plot)
         self.names = EchoNames(self.plot.vb)
         self.cursors = TraceCursors(self.plot, self)
         self._pointer = pg.InfiniteLine(angle=90)
@@ -502,7 +473,7 @@ class TraceView(QWidget):
             self._show_board_range(shown.scene)
         self._update_title()
         if before is None or _moved(before, shown):
-            self.sound.draw(shown.sound, self._heights)
+            self.marks.draw_sound(shown.sound, self._heights)
         self._point(shown.cursor)
 
     def _arrange(self) -> None:
@@ -543,7 +514,7 @@ class TraceView(QWidget):
         self._predicted.setPen(base.cosmetic_pen(colours.predicted, width=1, style=Qt.PenStyle.DashLine))
         self._measured.setPen(base.cosmetic_pen(colours.measured, width=1))
         self._pointer.setPen(base.cosmetic_pen(colours.chosen, width=1, style=Qt.PenStyle.DotLine))
-        for part in (self.marks, self.names, self.cursors, self.sound):
+        for part in (self.marks, self.names, self.cursors):
             part.set_look(look)
 
     def _draw(self, trace: ChosenTrace | None) -> None:

@@ -491,64 +491,49 @@ def _with_keys(menu: QMenu) -> list[QAction]:
     return [action for action in menu.actions() if not action.shortcut().isEmpty()]
 
 
-class ViewMenus(QObject):
-    """The context menus of the views: the view's own commands, its range, its picture, and hidden layers."""
+def offer_view_menus(views: Sequence[View], commands: Commands, showing: ShownModel) -> None:
+    """Open a context menu on request in each view: its own commands, its range, its picture, and hidden layers."""
+    for view in views:
+        widget = cast(QWidget, view)
+        widget.setContextMenuPolicy(Qt.ContextMenuPolicy.CustomContextMenu)
+        widget.customContextMenuRequested.connect(partial(_open_view_menu, view, commands, showing))
 
-    def __init__(self, views: Sequence[View], commands: Commands, showing: ShownModel) -> None:
-        super().__init__()
-        self.opened: QMenu | None = None  # the last menu
-        self._commands, self._showing = commands, showing
-        for view in views:
-            widget = cast(QWidget, view)
-            widget.setContextMenuPolicy(Qt.ContextMenuPolicy.CustomContextMenu)
-            widget.customContextMenuRequested.connect(partial(self._open, view))
 
-    def menu_of(self, view: View) -> QMenu:
-        """Return a new menu with the commands of a view."""
-        commands, menu = self._commands, QMenu(cast(QWidget, view))
-        menu.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
-        menu.aboutToHide.connect(menu.deleteLater)  # a chosen action or a click elsewhere hides it without closing
-        menu.addActions(view.actions())
+def _open_view_menu(view: View, commands: Commands, showing: ShownModel, place: QPoint) -> None:
+    widget = cast(QWidget, view)
+    menu = QMenu(widget)
+    menu.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+    menu.aboutToHide.connect(menu.deleteLater)  # a chosen action or a click elsewhere hides it without closing
+    menu.addActions(view.actions())
+    menu.addSeparator()
+    menu.addActions([commands.edit_note, commands.delete_note])
+    menu.addSeparator()
+    menu.addAction("Fit this view").triggered.connect(view.fit)
+    show_all = menu.addAction("Show all layers")
+    show_all.triggered.connect(showing.show_all)
+    show_all.setEnabled(bool(showing.shown.hidden))
+    if view.picture() is not None:
         menu.addSeparator()
-        menu.addActions([commands.edit_note, commands.delete_note])
-        menu.addSeparator()
-        menu.addAction("Fit this view").triggered.connect(view.fit)
-        show_all = menu.addAction("Show all layers")
-        show_all.triggered.connect(self._showing.show_all)
-        show_all.setEnabled(bool(self._showing.shown.hidden))
-        if view.picture() is not None:
-            menu.addSeparator()
-            menu.addAction(commands.actions.get(f"save_small {view.entry.name}", commands.save_view))
-        return menu
-
-    def _open(self, view: View, at: QPoint) -> None:
-        self.opened = self.menu_of(view)
-        self.opened.popup(cast(QWidget, view).mapToGlobal(at))
+        menu.addAction(commands.actions.get(f"save_small {view.entry.name}", commands.save_view))
+    menu.popup(widget.mapToGlobal(place))
 
 
-class UndoList(QMenu):
-    """Every edit that can be undone, newest first. A click undoes it and all later ones."""
+def undo_menu(showing: ShownModel, parent: QWidget) -> QMenu:
+    """Return a menu of every edit that can be undone, newest first. A click undoes it and all later ones."""
+    menu = QMenu("Undo steps", parent)
 
-    def __init__(self, showing: ShownModel, parent: QWidget) -> None:
-        super().__init__("Undo steps", parent)
-        self._showing = showing
-        self.aboutToShow.connect(self.show_steps)
-        self.triggered.connect(self._undo)
-        self.show_steps()
-
-    @Slot()
-    def show_steps(self) -> None:
-        """List the edits that can be undone."""
-        self.clear()
-        steps = self._showing.history.steps[:_MOST_STEPS]
+    def show_steps() -> None:
+        menu.clear()
+        steps = showing.history.steps[:_MOST_STEPS]
         for number, label in enumerate(steps, start=1):
-            self.addAction(_as_text(label)).setData(number)
+            menu.addAction(_as_text(label)).setData(number)
         if not steps:
-            self.addAction("nothing to undo").setEnabled(False)
+            menu.addAction("nothing to undo").setEnabled(False)
 
-    @Slot(QAction)
-    def _undo(self, action: QAction) -> None:
-        self._showing.undo_steps(action.data())
+    menu.aboutToShow.connect(show_steps)
+    menu.triggered.connect(lambda action: showing.undo_steps(action.data()))
+    show_steps()
+    return menu
 
 
 class LayoutMenu(QMenu):

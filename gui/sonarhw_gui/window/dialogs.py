@@ -10,7 +10,7 @@ from PySide6 import QtWidgets
 from PySide6.QtCore import QEvent, QModelIndex, QObject, QSize, Qt, Signal, Slot
 from PySide6.QtGui import QAction, QKeyEvent, QKeySequence
 
-from sonarhw_gui.jobs.files import RecordingList, RecordingRow, list_recordings
+from sonarhw_gui.jobs.files import RecordingRow, list_recordings
 from sonarhw_gui.jobs.jobs import Jobs
 from sonarhw_gui.model.look import MARKS, Look
 from sonarhw_gui.session.scanner import PortRow, ScannerChoice
@@ -347,7 +347,7 @@ class RecordingsDialog(QtWidgets.QDialog):
     def __init__(self, folder: Path, jobs: Jobs, parent: QtWidgets.QWidget) -> None:
         super().__init__(parent)
         self.setWindowTitle("Recordings")
-        self._jobs = jobs
+        self._folder, self._jobs = folder, jobs
         self.search = QtWidgets.QLineEdit(clearButtonEnabled=True, placeholderText="date, room, place or file")
         self.table = text_table(*_RECORDING_COLUMNS)
         self.table.horizontalHeader().setSectionResizeMode(QtWidgets.QHeaderView.ResizeMode.ResizeToContents)
@@ -362,29 +362,33 @@ class RecordingsDialog(QtWidgets.QDialog):
         self.table.doubleClicked.connect(self._choose)
         self.buttons.accepted.connect(self._choose)
         self.buttons.rejected.connect(self.reject)
-        self._show(RecordingList(folder))
+        self._draw([], 0)
+        self._read([])
 
-    def _show(self, listed: RecordingList) -> None:
-        """Draw what was read so far, and read more."""
-        self._draw(listed)
-        self._jobs.run(_LISTING, list_recordings, listed, then=self._take)
+    def _read(self, rows: Sequence[RecordingRow]) -> None:
+        """Read more than these recordings."""
+        self._jobs.run(_LISTING, list_recordings, self._folder, rows, then=self._take)
 
-    def _take(self, listed: RecordingList) -> None:
-        (self._draw if listed.complete else self._show)(listed)
+    def _take(self, listed: tuple[Sequence[RecordingRow], int]) -> None:
+        rows, files = listed
+        self._draw(rows, files)
+        if len(rows) < files:
+            self._read(rows)
 
-    def _draw(self, listed: RecordingList) -> None:
+    def _draw(self, rows: Sequence[RecordingRow], files: int) -> None:
+        """List the recordings that were read so far; `files`: number of logs in the folder."""
         chosen = self._chosen()
-        self.table.setRowCount(len(listed.rows))
-        for number, row in enumerate(listed.rows):
+        self.table.setRowCount(len(rows))
+        for number, row in enumerate(rows):
             for column, text in enumerate(_texts(row)):
                 item = cell(text, tip=str(row.path))
                 item.setData(_PATH, str(row.path))
                 self.table.setItem(number, column, item)
             if str(row.path) == chosen:
                 self.table.selectRow(number)
-        if listed.rows and not chosen:
+        if rows and not chosen:
             self.table.selectRow(0)
-        self.summary.setText(_summary(listed))
+        self.summary.setText(_summary(self._folder, len(rows), files))
         self._filter()
 
     @Slot()
@@ -424,8 +428,7 @@ def _texts(row: RecordingRow) -> tuple[str, ...]:
     return date, row.room, row.place, str(row.readings), "yes" if row.traces else "no", row.path.name, row.condition
 
 
-def _summary(listed: RecordingList) -> str:
-    if not listed.files:
-        return f"{listed.folder}: no recordings yet; every scan in the window is recorded"
-    reading = "" if listed.complete else f", {len(listed.rows)} read"
-    return f"{listed.folder}: {listed.files} recordings{reading}"
+def _summary(folder: Path, read: int, files: int) -> str:
+    if not files:
+        return f"{folder}: no recordings yet; every scan in the window is recorded"
+    return f"{folder}: {files} recordings{'' if read == files else f', {read} read'}"

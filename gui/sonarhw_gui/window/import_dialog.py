@@ -10,7 +10,7 @@ from sonarhw_compare.foreign_csv import CsvColumns, CsvHead, Meaning, likely_col
 
 from sonarhw.errors import InputError
 from sonarhw.readings import Reading
-from sonarhw_gui.jobs.files import CsvRead, read_csv
+from sonarhw_gui.jobs.files import read_csv
 from sonarhw_gui.jobs.jobs import Jobs
 from sonarhw_gui.model.look import LengthUnit
 from sonarhw_gui.widgets import NumberField, PlainLabel, cell, text_table
@@ -25,7 +25,7 @@ _NO_TIME = "(none: 0.1 s apart)"
 class ImportDialog(QtWidgets.QDialog):
     """Reads the file again in a thread after each change; an error is shown where the values are typed."""
 
-    accepted_as = Signal(object)  # CsvRead
+    accepted_as = Signal(object, object)  # the path, the readings
 
     def __init__(self, path: Path, unit: LengthUnit, jobs: Jobs, parent: QtWidgets.QWidget) -> None:
         """`unit`: of the ranges in the preview."""
@@ -33,7 +33,9 @@ class ImportDialog(QtWidgets.QDialog):
         self.setWindowTitle(f"Import {path.name}")
         self._path, self._unit, self._jobs = path, unit, jobs
         self._head = CsvHead((), (), False)
-        self._read: CsvRead | None = None  # the file as the values say; None while it is read, or if one is wrong
+        # of the file as the values say; None while it is read, or if one is wrong
+        self._readings: Sequence[Reading] | None = None
+        self._likely_no_echo: float | None = None  # a range, in the unit of the file
         self.heading, self.distance, self.time = QtWidgets.QComboBox(), QtWidgets.QComboBox(), QtWidgets.QComboBox()
         self.turn, self.unit = QtWidgets.QComboBox(), QtWidgets.QComboBox()
         self.turn.addItems(list(_TURNS))
@@ -115,7 +117,7 @@ class ImportDialog(QtWidgets.QDialog):
             self._head = read_head(self._path, _LINES, self.decimal_comma.isChecked())
         except InputError as error:
             self._jobs.cancel(_READING)
-            self._head, self._read = CsvHead((), (), False), None
+            self._head, self._readings = CsvHead((), (), False), None
             self._list_columns()
             self._report(str(error))
             return
@@ -145,15 +147,15 @@ class ImportDialog(QtWidgets.QDialog):
 
     @Slot()
     def _take_silence(self) -> None:
-        if self._read is not None and self._read.likely_no_echo is not None:
-            self.no_echo.setText(f"{self._read.likely_no_echo[0]:g}")
+        if self._readings is not None and self._likely_no_echo is not None:
+            self.no_echo.setText(f"{self._likely_no_echo:g}")
             self.no_echo.setFocus()
 
     @Slot()
     def _read_again(self) -> None:
         """Read the whole file with the values typed."""
         self._jobs.cancel(_READING)  # a value has changed since
-        self._read = None
+        self._readings = None
         self.import_button.setEnabled(False)
         try:
             self._jobs.run(_READING, read_csv, self._path, *self._typed(), then=self._show_read, failed=self._report)
@@ -179,15 +181,15 @@ class ImportDialog(QtWidgets.QDialog):
         except ValueError:
             raise InputError(f"range that means no echo: {text!r}; expected a number, or nothing") from None
 
-    def _show_read(self, read: CsvRead) -> None:
-        self._read = read
+    def _show_read(self, read: tuple[Sequence[Reading], tuple[float, int] | None]) -> None:
+        self._readings, likely = read
         self.import_button.setEnabled(True)
-        self._show_lines(read.readings)
-        self.note.setText(self._summary(read.readings))
-        self.silence.setVisible(read.likely_no_echo is not None)
-        if read.likely_no_echo is not None:
-            value, count = read.likely_no_echo
-            self.silence.setText(f"{value:g} means no echo ({count} readings)")
+        self._show_lines(self._readings)
+        self.note.setText(self._summary(self._readings))
+        self.silence.setVisible(likely is not None)
+        self._likely_no_echo, count = likely or (None, 0)
+        if likely is not None:
+            self.silence.setText(f"{self._likely_no_echo:g} means no echo ({count} readings)")
             self.silence.setToolTip("Enter this value as the range that means no echo")
 
     def _report(self, problem: str) -> None:
@@ -227,8 +229,8 @@ class ImportDialog(QtWidgets.QDialog):
 
     def accept(self) -> None:
         """Import what the preview shows."""
-        if self._read is not None:
-            self.accepted_as.emit(self._read)
+        if self._readings is not None:
+            self.accepted_as.emit(self._path, self._readings)
             super().accept()
 
     def done(self, result: int) -> None:

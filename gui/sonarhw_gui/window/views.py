@@ -47,6 +47,11 @@ class OpenedDock(QtWidgets.QDockWidget):
         self.show()
         self.raise_()
 
+    @Slot()
+    def float_or_put_back(self) -> None:
+        """Float it in a window of its own, or put it back."""
+        self.setFloating(not self.isFloating())
+
     @Slot(bool)
     def _note_visibility(self, visible: bool) -> None:
         self.in_front = visible
@@ -60,47 +65,26 @@ class OpenedDock(QtWidgets.QDockWidget):
             self.close()
 
 
-class ViewDock(OpenedDock):
-    """A dock with one small view."""
-
-    def __init__(self, view: View, parent: QtWidgets.QWidget) -> None:
-        super().__init__(view.entry.name, cast(QtWidgets.QWidget, view), parent)
-        self.view = view
-        self._title = _TitleBar(self)
-        self.setTitleBarWidget(self._title)
-        self.opener.setStatusTip(f"Open, bring to the front or close the view {view.entry.name}")
-
-    def set_look(self, look: Look) -> None:
-        """Use the text size of `look`."""
-        self._title.name.setFont(text_font(look, _TEXT))
-
-
-class _TitleBar(QtWidgets.QWidget):
-    """The name of a view, and buttons that float and close it; a drag of it moves the dock."""
-
-    def __init__(self, dock: QtWidgets.QDockWidget) -> None:
-        super().__init__(dock)
-        self.name = PlainLabel(dock.windowTitle())
-        row = arranged(QtWidgets.QHBoxLayout(self), self.name, rest=self.name, margins=(8, 0, 2, 0))
-        self.setToolTip("Drag to move this view: beside or onto another view, or out of the window")
-        pixmap = QtWidgets.QStyle.StandardPixmap
-        for what, tip, icon in (
-            ("float", "Float this view in a window of its own, or put it back", pixmap.SP_TitleBarNormalButton),
-            ("close", "Close this view; the View menu opens it again", pixmap.SP_TitleBarCloseButton),
-        ):
-            button = QtWidgets.QToolButton(autoRaise=True)
-            button.setIcon(self.style().standardIcon(icon, QtWidgets.QStyleOptionDockWidget(), dock))
-            button.setIconSize(QSize(_BUTTON, _BUTTON))
-            button.setFocusPolicy(Qt.FocusPolicy.NoFocus)
-            button.setToolTip(tip)
-            button.setAccessibleName(f"{what} {dock.windowTitle()}")
-            button.clicked.connect(dock.close if what == "close" else self._float)
-            row.addWidget(button)
-        self._dock = dock
-
-    @Slot()
-    def _float(self) -> None:
-        self._dock.setFloating(not self._dock.isFloating())
+def _title_bar(dock: OpenedDock) -> QtWidgets.QWidget:
+    """Return the name of a view, and buttons that float and close its dock; a drag of the name moves the dock."""
+    bar, name = QtWidgets.QWidget(dock), PlainLabel(dock.windowTitle())
+    row = arranged(QtWidgets.QHBoxLayout(bar), name, rest=name, margins=(8, 0, 2, 0))
+    bar.setToolTip("Drag to move this view: beside or onto another view, or out of the window")
+    pixmap = QtWidgets.QStyle.StandardPixmap
+    float_tip = "Float this view in a window of its own, or put it back"
+    for what, tip, icon, slot in (
+        ("float", float_tip, pixmap.SP_TitleBarNormalButton, dock.float_or_put_back),
+        ("close", "Close this view; the View menu opens it again", pixmap.SP_TitleBarCloseButton, dock.close),
+    ):
+        button = QtWidgets.QToolButton(autoRaise=True)
+        button.setIcon(bar.style().standardIcon(icon, QtWidgets.QStyleOptionDockWidget(), dock))
+        button.setIconSize(QSize(_BUTTON, _BUTTON))
+        button.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+        button.setToolTip(tip)
+        button.setAccessibleName(f"{what} {dock.windowTitle()}")
+        button.clicked.connect(slot)
+        row.addWidget(button)
+    return bar
 
 
 # A window whose docks can be tabs, with their whole names.
@@ -180,8 +164,8 @@ class ViewArea(TabbedWindow):
         super().__init__()
         self.setWindowFlags(Qt.WindowType.Widget)
         self.large: list[View] = []
-        self.docks: list[ViewDock] = []
-        self._stacks: list[list[ViewDock]] = [[], [], []]
+        self.docks: list[OpenedDock] = []
+        self._stacks: list[list[OpenedDock]] = [[], [], []]
         self._restored = False  # whether the arrangement is that of an earlier session
         self._widths: dict[int, float] = {}  # share of each large view that the user has resized
         self.stage = _Stage()
@@ -208,7 +192,7 @@ class ViewArea(TabbedWindow):
     @property
     def beside(self) -> list[View]:
         """The small views."""
-        return [dock.view for dock in self.docks]
+        return [_view_in(dock) for dock in self.docks]
 
     @property
     def all(self) -> list[View]:
@@ -246,25 +230,25 @@ class ViewArea(TabbedWindow):
 
     def show_plot_beside(self, place: int, shown: Shown) -> None:
         """Update a plot beside the large view if it is visible; `place`: below `plots_beside`, from the top."""
-        dock = [dock for dock in self.docks if not dock.view.entry.is_text][place]
+        dock = [dock for dock in self.docks if not _view_in(dock).entry.is_text][place]
         if dock.in_front:
-            dock.view.show_state(shown)
+            _view_in(dock).show_state(shown)
 
     @property
     def plots_beside(self) -> int:
         """The number of small views that are plots, visible or not."""
-        return sum(not dock.view.entry.is_text for dock in self.docks)
+        return sum(not view.entry.is_text for view in self.beside)
 
     def show_texts(self, shown: Shown) -> None:
         """Update the visible views of text."""
         for dock in self.docks:
-            if dock.view.entry.is_text and dock.in_front:
-                dock.view.show_state(shown)
+            if _view_in(dock).entry.is_text and dock.in_front:
+                _view_in(dock).show_state(shown)
 
     def set_look(self, look: Look) -> None:
         """Use the text size of `look` for the title bars."""
         for dock in self.docks:
-            dock.set_look(look)
+            dock.titleBarWidget().findChild(PlainLabel).setFont(text_font(look, _TEXT))
 
     @Slot()
     def fit(self) -> None:
@@ -333,7 +317,7 @@ class ViewArea(TabbedWindow):
             self._restored = True
             self.reset_layout()
 
-    def _stacks_for(self, height: int) -> list[list[ViewDock]]:
+    def _stacks_for(self, height: int) -> list[list[OpenedDock]]:
         """Return the small views by stack, for a screen of this height."""
         first, second, third = self._stacks
         if height < _LOWEST:
@@ -370,8 +354,14 @@ class ViewArea(TabbedWindow):
 
     def _beside(self, view: _V, stack: int) -> _V:
         """Add a small view; `stack`: its initial place, from the top. Views of one stack are tabs."""
-        dock = ViewDock(view, self)
+        dock = OpenedDock(view.entry.name, cast(QtWidgets.QWidget, view), self)
+        dock.setTitleBarWidget(_title_bar(dock))
+        dock.opener.setStatusTip(f"Open, bring to the front or close the view {view.entry.name}")
         self.docks.append(dock)
         self._stacks[stack].append(dock)
         dock.visibilityChanged.connect(self.uncovered)
         return view
+
+
+def _view_in(dock: OpenedDock) -> View:
+    return cast(View, dock.widget())

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from functools import partial
 from itertools import zip_longest
 from pathlib import Path
-from typing import Any, Protocol, cast
+from typing import Any, cast
 
 from PySide6 import QtGui, QtWidgets
 from PySide6.QtCore import QEvent, QSize, Qt, QTimer, Signal, Slot
@@ -24,7 +24,7 @@ from sonarhw_gui.views.legend import Legend
 from sonarhw_gui.views.table import BounceLine, Sentence
 from sonarhw_gui.widgets import LabelSlot, arranged, close_dialogs
 from sonarhw_gui.window.bars import Banner, Hint, StatusBar, ToolBar
-from sonarhw_gui.window.commands import Commands, CommandSlots, LayoutMenu, UndoList, ViewMenus
+from sonarhw_gui.window.commands import Commands, CommandSlots, LayoutMenu, offer_view_menus, undo_menu
 from sonarhw_gui.window.dialogs import HelpPage, open_dialog
 from sonarhw_gui.window.file_commands import FileCommands, SaveCommands
 from sonarhw_gui.window.views import OpenedDock, TabbedWindow, ViewArea
@@ -33,16 +33,6 @@ from sonarhw_gui.window.views import OpenedDock, TabbedWindow, ViewArea
 
 
 _LEAST_WIDTH = 290  # pixels
-
-
-class Panel(Protocol):
-    """A widget that shows a part of a `Shown`."""
-
-    def show_state(self, shown: Shown) -> None:
-        """Show the changes since the last call."""
-
-    def isVisibleTo(self, ancestor: QtWidgets.QWidget) -> bool:
-        """Return whether it is visible when `ancestor` is. Implemented by QWidget."""
 
 
 class _VerticalScrollArea(QtWidgets.QScrollArea):
@@ -63,12 +53,21 @@ class _VerticalScrollArea(QtWidgets.QScrollArea):
         return QSize(width + self.verticalScrollBar().sizeHint().width(), super().minimumSizeHint().height())
 
 
-class _Dock(OpenedDock):
+class PanelDock(OpenedDock):
     """A dock with a panel, which is updated while it is visible."""
 
-    def __init__(self, name: str, key: str, about: str, panel: Panel, window: QtWidgets.QMainWindow) -> None:
-        super().__init__(name, _VerticalScrollArea(cast(QtWidgets.QWidget, panel)), window, key)
-        self._panel, self._main_window = panel, window
+    def __init__(
+        self,
+        name: str,
+        key: str,
+        about: str,
+        panel: QtWidgets.QWidget,
+        show: Callable[[Shown], None],
+        window: QtWidgets.QMainWindow,
+    ) -> None:
+        """`key` opens and closes it, `about` says what it is for, and `show` updates the panel."""
+        super().__init__(name, _VerticalScrollArea(panel), window, key)
+        self._panel, self._show_in_panel, self._main_window = panel, show, window
         self._shown: Shown | None = None
         self.opener.setToolTip(f"{about} ({key})")
 
@@ -76,47 +75,15 @@ class _Dock(OpenedDock):
         """Update the panel if it is visible."""
         self._shown = shown
         if self._panel.isVisibleTo(self._main_window):
-            self._panel.show_state(shown)
+            self._show_in_panel(shown)
 
     def bring_to_front(self) -> None:
         """Open it in front of the others."""
         if self._shown is not None:
-            self._panel.show_state(self._shown)
+            self._show_in_panel(self._shown)
             for layout in reversed(self.findChildren(QtWidgets.QLayout)):  # inner ones first
                 layout.activate()  # else the first paint has the height from before
         super().bring_to_front()
-
-
-class Docks:
-    """The docks of one window, as tabs. All are closed initially."""
-
-    def __init__(self, window: QtWidgets.QMainWindow) -> None:
-        self._window = window
-        self._docks: list[_Dock] = []
-
-    def add(self, name: str, key: str, about: str, panel: Panel) -> QtWidgets.QDockWidget:
-        """Return a new dock with `panel`; `key` opens and closes it, and `about` says what it is for."""
-        dock = _Dock(name, key, about, panel, self._window)
-        self._window.addDockWidget(Qt.DockWidgetArea.LeftDockWidgetArea, dock)
-        if self._docks:
-            self._window.tabifyDockWidget(self._docks[-1], dock)
-        dock.hide()
-        self._docks.append(dock)
-        return dock
-
-    def show(self, name: str) -> None:
-        """Open a dock in front of the others."""
-        next(dock for dock in self._docks if dock.objectName() == name).bring_to_front()
-
-    def show_state(self, shown: Shown) -> None:
-        """Update the visible panels."""
-        for dock in self._docks:
-            dock.show_state(shown)
-
-    @property
-    def actions(self) -> list[QtGui.QAction]:
-        """The actions that open and close the docks."""
-        return [dock.opener for dock in self._docks]
 
 
 # Names of all tab stops for screen readers, from what the window shows beside them.
@@ -196,10 +163,10 @@ class MainWindow(TabbedWindow):
         self.scans = ScansPanel(session, self.files.add_scan)
         self.banner, self.legend, self.sentence = Banner(session.notices), Legend(), Sentence()
         self.bounces, self.hint = BounceLine(), Hint()
-        self.replay_bar, self.status_bar = ReplayBar(self.commands), StatusBar()
-        self.sound_bar = SoundBar()
+        self.replay_bar, self.status_bar = ReplayBar(self.commands, session), StatusBar()
+        self.sound_bar = SoundBar(session.sound, self.saving.save_film)
         self.toolbar = ToolBar(self.commands)
-        self.docks = Docks(self)
+        self.docks: list[PanelDock] = []  # as tabs; all are closed initially
         self._look: Look | None = None
         self._open = False  # each part that becomes visible reports it; together, they are updated once
         plots = [partial(self._show_plot, place) for place in range(self.views.plots_beside)]
@@ -232,24 +199,40 @@ class MainWindow(TabbedWindow):
             ("Scans", "F12", "Show several scans, and compare two", self.scans),
             ("Find the room", "Ctrl+M", "Find walls from scans, and the next place to scan", self.finding),
         ):
-            self.docks.add(name, key, about, panel).visibilityChanged.connect(self._show_again)
-        self.view_menus = ViewMenus(self.views.all, self.commands, self.session.showing)
+            self._add_dock(PanelDock(name, key, about, panel, panel.show_state, self))
+        offer_view_menus(self.views.all, self.commands, self.session.showing)
         added = {
             "shipped rooms": [self.files.shipped.menuAction()],
             "recent files": [self.files.menuAction()],
-            "undo steps": [UndoList(self.session.showing, self).menuAction()],
-            "docks": [*self.views.openers, *self.docks.actions],
+            "undo steps": [undo_menu(self.session.showing, self).menuAction()],
+            "docks": [*self.views.openers, *self.dock_openers],
             "layouts": [self.layouts.menuAction()],
         }
         self.commands.fill(self.menuBar(), self.views.all, added)
         self.resize(_SIZE.boundedTo(self.screen().availableSize() - _FRAME))
+
+    def _add_dock(self, dock: PanelDock) -> None:
+        self.addDockWidget(Qt.DockWidgetArea.LeftDockWidgetArea, dock)
+        if self.docks:
+            self.tabifyDockWidget(self.docks[-1], dock)
+        dock.hide()
+        dock.visibilityChanged.connect(self._show_again)
+        self.docks.append(dock)
+
+    @property
+    def dock_openers(self) -> list[QtGui.QAction]:
+        """The actions that open and close the docks."""
+        return [dock.opener for dock in self.docks]
+
+    def open_dock(self, name: str) -> None:
+        """Open a dock in front of the others."""
+        next(dock for dock in self.docks if dock.objectName() == name).bring_to_front()
 
     def _connect(self) -> None:
         self.commands.connect(self)
         self.views.connect_gestures(self.session.showing)
         for signal, slot in (*self._panel_connections(), *self._bar_connections(), *self._window_connections()):
             signal.connect(slot)
-        self.replay_bar.show_state(self.session.replay)
 
     def _panel_connections(self) -> tuple[_Connection, ...]:
         session = self.session
@@ -266,23 +249,10 @@ class MainWindow(TabbedWindow):
         )
 
     def _bar_connections(self) -> tuple[_Connection, ...]:
-        session, replay, sound = self.session, self.replay_bar, self.sound_bar
-        banner = self.banner
+        session = self.session
         return (
-            (replay.toggled, self.slots.toggle),
-            (replay.sought, self._seek),
-            (replay.speed_chosen, self._set_speed),
-            (session.replay_changed, replay.show_state),
             (session.replay_changed, self._show_commands),
-            (sound.toggled, session.sound.toggle),
-            (sound.sought, session.sound.seek),
-            (sound.slowness_chosen, session.sound.set_slowness),
-            (sound.loop_changed, session.sound.set_loop),
-            (sound.every_changed, session.sound.set_every),
-            (sound.closed, session.sound.close),
-            (sound.film_requested, self.saving.save_film),
-            (session.sound.changed, sound.show_state),
-            (banner.opened, self._make_room),
+            (self.banner.opened, self._make_room),
             (self.legend.switched, session.showing.switch),
             (self.toolbar.place.textActivated, session.showing.set_place),
         )
@@ -302,16 +272,8 @@ class MainWindow(TabbedWindow):
     @Slot()
     def find_pose(self) -> None:
         """Fit the pose of the scanner, and show the panel of the fit."""
-        self.docks.show("Fit")
+        self.open_dock("Fit")
         self.fit_panel.begin.click()
-
-    @Slot(float)
-    def _seek(self, position: float) -> None:
-        self.session.in_replay(lambda replay: replay.seek(position))
-
-    @Slot(float)
-    def _set_speed(self, speed: float) -> None:
-        self.session.in_replay(lambda replay: setattr(replay, "speed", speed))
 
     @Slot()
     def _show_commands(self) -> None:
@@ -322,7 +284,8 @@ class MainWindow(TabbedWindow):
         if shown.look != self._look:
             self._set_look(shown.look)
         self.views.show_large(shown)
-        self.docks.show_state(shown)
+        for dock in self.docks:
+            dock.show_state(shown)
         self.toolbar.show_state(shown)
         self._show_title()
         self.legend.show_state(shown)

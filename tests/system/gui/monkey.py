@@ -188,7 +188,7 @@ class Monkey:
                 ("compare scans", lambda: session.scans.compare(0, -1) if session.scans.scans else None),
                 ("search causes", session.causes.start),
                 ("end the search", session.causes.cancel),
-                ("find the room", lambda: session.finding.start(ACCURACIES[0])),
+                ("find the room", lambda: session.finding.start(ACCURACIES["exact"])),
                 ("reject a wall", lambda: session.finding.reject(0)),
                 ("end the search for the room", session.finding.cancel),
                 ("add a log", lambda: session.scans.open(str(self._random.choice(self._files)))),

@@ -53,16 +53,16 @@ def test_the_mark_of_an_echo_has_the_time_and_the_level_of_the_trace(before_a_wa
 
 def test_the_gain_depends_on_the_receiver(before_a_wall: Scene) -> None:
     scene = before_a_wall
-    gain = chosen_trace(scene, reading(), None, 0).gain
-    steps = np.diff(gain.curve.values)
+    trace = chosen_trace(scene, reading(), None, 0)
+    steps = np.diff(trace.gain.values)
     if scene.options.receiver is Receiver.BOARD:
-        assert gain.stepped
+        assert trace.stepped_gain
         assert set(np.round(steps, 6)) == {0.0, scene.board.gain_step_db}
-        risen = gain.curve.times[1:][steps > 0]
-        within = [time for time in scene.board.gain_steps if time < gain.curve.times[-1]]
+        risen = trace.gain.times[1:][steps > 0]
+        within = [time for time in scene.board.gain_steps if time < trace.gain.times[-1]]
         assert risen.tolist() == within
     else:
-        assert not gain.stepped
+        assert not trace.stepped_gain
         without_air = replace(scene, board=replace(scene.board, absorption=False))
         curve = chosen_trace(without_air, reading(), None, 0).gain
         twice = np.interp(2 * curve.times[50], curve.times, curve.values) - curve.values[50]

@@ -6,7 +6,7 @@ import pytest
 from sonarhw_compare.fit import Estimate, PlacedScan, free_parameters
 from sonarhw_compare.fit.fitting import unexplained, warnings_of
 from sonarhw_compare.match import Summary
-from sonarhw_gui.jobs.searches import FitFound, FitSettings, FitSolution, warnings
+from sonarhw_gui.jobs.searches import FitFound, warnings
 from sonarhw_gui.model.scene import scene_with
 
 from tests.unit.compare.matching.test_headings import PAPER, PLACE, ROOM, heading_fit
@@ -23,8 +23,7 @@ def found(everywhere: bool) -> FitFound:
     offset = free_parameters(("offset",), ("scan",), ROOM, PAPER)
     at_bound = warnings_of(replace(fit, parameters=offset, estimates={"offset": Estimate(0.06, 0.001, 0.0, 0.0)}))
     result = replace(fit, warnings=(*few, *several, *at_bound))
-    solutions = (FitSolution({}, 0.3), FitSolution({}, 0.3))
-    return FitFound(scene_with(PAPER, ROOM, PLACE), 0, FitSettings(everywhere=everywhere), result, 0.3, solutions)
+    return FitFound(scene_with(PAPER, ROOM, PLACE), 0, everywhere, result, ({}, {}), 0.3, (0.3, 0.3))
 
 
 @pytest.mark.parametrize("everywhere", [False, True])

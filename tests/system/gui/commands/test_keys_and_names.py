@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QApplication, QDialog, QFileDialog, QMenu, QToolBu
 from pytestqt.qtbot import QtBot
 from shiboken6 import Shiboken
 from sonarhw_gui.jobs import forecast
-from sonarhw_gui.window.commands import UndoList, draw_page
+from sonarhw_gui.window.commands import draw_page
 from sonarhw_gui.window.window import MainWindow, spoken_name
 from sonarhw_sim.room.room import load_room
 
@@ -40,7 +40,7 @@ def tab_stops(window: MainWindow) -> list[QWidget]:
 def test_every_tab_stop_has_a_name(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> None:
     window = open_with(source=read_log(recorded))
     until(qtbot, lambda: predicted(window))
-    for action in (*window.docks.actions, *window.commands.views, window.commands.play_sound):
+    for action in (*window.dock_openers, *window.commands.views, window.commands.play_sound):
         action.trigger()
         qtbot.wait(20)
     stops = tab_stops(window)
@@ -81,8 +81,8 @@ def test_undo_steps_are_listed_and_undone_together(qtbot: QtBot, window: MainWin
         qtbot.keyClick(window, key, Qt.KeyboardModifier.ShiftModifier)
         window.views.plan.drawing.controller._last_key = -1e9  # the next key press is another step
     assert window.isWindowModified()
-    steps = window.findChild(UndoList)
-    steps.show_steps()
+    steps = next(menu for menu in window.findChildren(QMenu) if menu.title() == "Undo steps")
+    steps.aboutToShow.emit()
     assert [action.text() for action in steps.actions()] == ["turning the sensor", "moving the sensor"]
     steps.actions()[1].trigger()
     assert window.session.shown.scene is room

@@ -47,7 +47,7 @@ def opened(open_with: OpenWith, board: FakeBoard, during: ExitStack, pace: Pace 
     """Serve a board and return a window with its device panel open."""
     endpoint = during.enter_context(serve(board, tcp="127.0.0.1:0", pace=pace))
     window = open_with(source=lambda: Scanner.open(endpoint.url, reconnect=AWAY), **start)
-    window.docks.actions[0].trigger()
+    window.dock_openers[0].trigger()
     return window
 
 
@@ -211,7 +211,7 @@ def test_a_descending_sector_has_a_negative_step() -> None:
 
 def test_without_a_scanner_its_buttons_are_disabled(qtbot: QtBot, open_with: OpenWith) -> None:
     window = open_with()
-    window.docks.actions[0].trigger()
+    window.dock_openers[0].trigger()
     panel = window.device
     assert panel.state.text() == "No scanner chosen"
     for button in (panel.connect_button, panel.disconnect_button, panel.turn):

@@ -91,7 +91,7 @@ def scanned(qtbot: QtBot, window: MainWindow, before: Path | None = None) -> Log
 
 def choose(window: MainWindow, place: str, board: str) -> None:
     """Choose a place and a board in the window."""
-    window.docks.show("Room")
+    window.open_dock("Room")
     window.toolbar.place.textActivated.emit(place)
     window.room.model.board.textActivated.emit(board)
     assert (window.session.shown.scene.pose.name, window.session.shown.scene.board.name) == (place, board)

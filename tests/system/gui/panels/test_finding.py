@@ -142,7 +142,7 @@ def is_highlighted(window: MainWindow, ends: np.ndarray) -> bool:
 
 def rings(window: MainWindow) -> np.ndarray:
     """Return the points with rings in the plan, (n, 2) m."""
-    return np.column_stack(window.views.plan.drawing.found.speaking_for.getData())
+    return np.column_stack(window.views.plan.drawing.found.rings.getData())
 
 
 def test_walls_appear_and_each_shows_its_readings(qtbot: QtBot, window: MainWindow) -> None:

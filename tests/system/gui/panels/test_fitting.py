@@ -9,8 +9,8 @@ import pytest
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 from sonarhw_compare.fit import free_parameters
-from sonarhw_gui.jobs.jobs import JobProgress
-from sonarhw_gui.jobs.searches import FitFound, FitSettings, fitted, value_text
+from sonarhw_gui.jobs.jobs import Job
+from sonarhw_gui.jobs.searches import FitFound, fitted, value_text
 from sonarhw_gui.model.edits import sensor_at
 from sonarhw_gui.model.look import LengthUnit
 from sonarhw_gui.model.scene import Scene
@@ -27,20 +27,20 @@ LEFT = Qt.MouseButton.LeftButton
 
 
 @pytest.fixture
-def equal_fits_once(monkeypatch: pytest.MonkeyPatch, known: dict[FitSettings, FitFound]) -> None:
+def equal_fits_once(monkeypatch: pytest.MonkeyPatch, known: dict[object, FitFound]) -> None:
     """Answer a fit that another test has completed at once, because it takes seconds; the scene is the same."""
     fit = session.find_pose
 
-    def find_pose(shown: Shown, settings: FitSettings, progress: JobProgress) -> FitFound:
-        if settings not in known:
-            known[settings] = fit(shown, settings, progress)
-        return replace(known[settings], scene=shown.scene)
+    def find_pose(shown: Shown, free: tuple[str, ...], everywhere: bool, job: Job) -> FitFound:
+        if (free, everywhere) not in known:
+            known[free, everywhere] = fit(shown, free, everywhere, job)
+        return replace(known[free, everywhere], scene=shown.scene)
 
     monkeypatch.setattr(session, "find_pose", find_pose)
 
 
 @pytest.fixture(scope="module")
-def known() -> dict[FitSettings, FitFound]:
+def known() -> dict[object, FitFound]:
     return {}
 
 
@@ -72,7 +72,7 @@ def test_the_pose_is_found_with_its_deviation_accepted_and_undone(
     assert "within 5 cm: " in panel.notes.text()
     assert window.session.shown.scene is before
     found = window.session.fitting.state.answer
-    assert found.within_5cm < 0.7 < found.solutions[0].within_5cm
+    assert found.within_5cm < 0.7 < found.fitted_within_5cm[0]
     qtbot.mouseClick(panel.accept, LEFT)
     place = window.session.shown.scene.pose
     assert place.position == pytest.approx(scene.pose.position, abs=0.005)

@@ -136,7 +136,7 @@ def test_a_board_is_read_from_a_file_and_an_invalid_file_is_reported(
     qtbot: QtBot, open_with: OpenWith, scene: Scene, tmp_path: Path
 ) -> None:
     window = open_with()
-    window.docks.show("Room")
+    window.open_dock("Room")
     board = window.room.model.board
 
     def take(text: str) -> None:
@@ -162,7 +162,7 @@ def test_another_board_changes_the_prediction_and_can_be_undone(
     qtbot: QtBot, open_with: OpenWith, scene: Scene
 ) -> None:
     window = open_with()
-    window.docks.show("Room")
+    window.open_dock("Room")
     until(qtbot, lambda: predicted(window))
     board = window.room.model.board
     board.setFocus()

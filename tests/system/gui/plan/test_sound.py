@@ -31,7 +31,7 @@ def window(qtbot: QtBot, open_with: OpenWith) -> MainWindow:
 
 def seek(qtbot: QtBot, window: MainWindow, time: float) -> None:
     window.sound_bar.slider.setValue(round(time * 1e6))
-    until(qtbot, lambda: window.views.trace.sound.line.value() == pytest.approx(time, abs=1e-6))
+    until(qtbot, lambda: window.views.trace.marks.sound.value() == pytest.approx(time, abs=1e-6))
 
 
 def test_it_plays_by_itself_loops_and_pauses(qtbot: QtBot, window: MainWindow) -> None:
@@ -65,9 +65,9 @@ def test_plan_and_trace_show_the_same_moment(qtbot: QtBot, window: MainWindow) -
     head = np.nanmax(layer._winner.getData()[1])
     assert head == pytest.approx(travelled - 0.085, abs=1e-3)
     assert window.sound_bar.caption.text() == "1.35 ms: the board listens"
-    assert not window.views.trace.sound.crossing.isVisible()
+    assert not window.views.trace.marks.crossing.isVisible()
     seek(qtbot, window, ping.duration)
-    assert window.views.trace.sound.crossing.isVisible()
+    assert window.views.trace.marks.crossing.isVisible()
     assert layer.counted.getData()[1][0] == pytest.approx(SENSOR[1] - float(ping.prediction.distances[0]), abs=1e-3)
     assert "the board would report 0.8" in window.sound_bar.caption.text()
     left, right = window.views.plan.drawing.plot.viewRange()[1]
@@ -83,7 +83,7 @@ def test_keys_move_the_slider_and_close_the_bar(qtbot: QtBot, window: MainWindow
     assert window.session.sound.state.time == pytest.approx(1.2e-3)
     qtbot.keyClick(window, Qt.Key.Key_S)
     assert not bar.isVisible()
-    until(qtbot, lambda: not window.views.trace.sound.line.isVisible())
+    until(qtbot, lambda: not window.views.trace.marks.sound.isVisible())
     assert window.session.shown.sound is None
     assert not any(window.legend.explained[name].isVisible() for name in SOUND)
 

@@ -82,9 +82,9 @@ def test_the_next_window_shows_the_notes_in_plan_ranges_table_and_report(
     note(qtbot, opened(qtbot, open_with, log), 4, "edge of the board")
     window = opened(qtbot, open_with, log)
     plan, ranges, table = window.views.plan.drawing, window.views.ranges, window.views.table
-    for view, marks in ((plan, plan._marks), (ranges, ranges._marks[0])):
-        assert list(zip(*view.notes.spots.getData(), strict=True)) == [position_of(marks, 4)]
-        assert view.notes.spots.isVisible()
+    for marks in (plan._marks, ranges._marks[0]):
+        assert list(zip(*marks.notes.getData(), strict=True)) == [position_of(marks, 4)]
+        assert marks.notes.isVisible()
     assert "note" in window.legend.explained
     assert window.legend.explained["note"].isVisible()
     assert not table.view.isColumnHidden(Column.NOTE)
@@ -124,7 +124,7 @@ def test_the_context_menu_notes_the_reading_below_the_mouse(
         at = pixel_at(view, box, position_of(marks, reading))
     qtbot.mouseClick(below, Qt.MouseButton.RightButton, pos=at)
     QApplication.sendEvent(below, QContextMenuEvent(QContextMenuEvent.Reason.Mouse, at, below.mapToGlobal(at)))
-    menu = window.view_menus.opened
+    menu = QApplication.activePopupWidget()
     assert window.session.shown.chosen == reading
     next(action for action in menu.actions() if action.text() == "Add note…").trigger()
     menu.close()

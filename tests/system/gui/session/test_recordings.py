@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.jobs.files import RecordingList, list_recordings
+from sonarhw_gui.jobs.files import list_recordings
 from sonarhw_gui.window.dialogs import RecordingsDialog
 from sonarhw_gui.window.window import MainWindow
 
@@ -99,10 +99,11 @@ def test_a_missing_folder_is_an_empty_list_with_a_hint(qtbot: QtBot, open_with: 
 
 
 def test_unchanged_recordings_are_not_read_again(folder: Path) -> None:
-    known = list_recordings(RecordingList(folder))
-    while not known.complete:
-        known = list_recordings(known)
-    again = list_recordings(known)
-    assert [id(one) for one in again.rows] == [id(one) for one in known.rows]
+    rows, files = list_recordings(folder)
+    while len(rows) < files:
+        rows, files = list_recordings(folder, rows)
+    again, _ = list_recordings(folder, rows)
+    assert [id(row) for row in again] == [id(row) for row in rows]
     (folder / "today.mcap").unlink()
-    assert [one.path.name for one in list_recordings(known).rows] == ["cellar.mcap", "broken.mcap"]
+    rest, _ = list_recordings(folder, rows)
+    assert [row.path.name for row in rest] == ["cellar.mcap", "broken.mcap"]

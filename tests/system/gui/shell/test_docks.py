@@ -41,7 +41,7 @@ def test_a_key_brings_its_dock_to_the_front_or_closes_it_there(qtbot: QtBot, win
     ):
         qtbot.keyClick(window, key)
         until(qtbot, lambda seen=seen: in_front(window) == seen)
-        assert [action.text() for action in window.docks.actions if action.isChecked()] == seen
+        assert [action.text() for action in window.dock_openers if action.isChecked()] == seen
 
 
 def turn_wheel(over: QWidget) -> None:
@@ -83,7 +83,7 @@ def test_the_wheel_scrolls_a_panel_and_changes_only_the_focused_widget(qtbot: Qt
 
 
 def test_the_tabs_of_all_panels_fit_in_the_least_width_of_a_panel(qtbot: QtBot, window: MainWindow) -> None:
-    for action in window.docks.actions:
+    for action in window.dock_openers:
         action.trigger()
         until(qtbot, action.isChecked)
     docks = [dock for dock in window.findChildren(QDockWidget) if window.tabifiedDockWidgets(dock)]

@@ -116,7 +116,7 @@ def test_every_text_of_a_visible_window_can_be_read_in_the_look_chosen_last(qtbo
     views, (room, device, find) = (
         window.commands.views,
         [
-            next(one for one in window.docks.actions if one.text() == name)
+            next(one for one in window.dock_openers if one.text() == name)
             for name in ("Room", "Device", "Find the room")
         ],
     )

@@ -2,7 +2,7 @@
 
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.session.notices import Notice, NoticeButton, Notices, Until
+from sonarhw_gui.session.notices import Notice, NoticeButton, Notices
 from sonarhw_gui.window.bars import Banner
 
 from sonarhw.errors import InputError
@@ -118,9 +118,9 @@ def test_an_accepted_offer_is_carried_out_once_and_its_error_is_a_message(qtbot:
 
 def test_what_ends_a_message_leaves_the_others() -> None:
     notices = Notices()
-    notices.fail("no answer", Until.CONNECTED)
+    notices.fail("no answer", "connected")
     notices.warn("the disk is nearly full")
-    notices.end(Until.SEARCH_CHANGED)
+    notices.end("search changed")
     assert notices.shown.text == "no answer"
-    notices.end(Until.CONNECTED)
+    notices.end("connected")
     assert (notices.shown.text, notices.more) == ("the disk is nearly full", 0)

@@ -120,14 +120,14 @@ def test_nothing_is_cut_or_off_screen_with_any_view_or_panel(
     for view in window.commands.views:
         view.trigger()
         check(view.text())
-        for panel in window.docks.actions:
+        for panel in window.dock_openers:
             panel.trigger()
             check(f"{view.text()} with {panel.text()}")
             panel.trigger()
     for view in window.views.docks:
         view.raise_()
         check(view.windowTitle())
-    panels = window.docks.actions
+    panels = window.dock_openers
     for panel in panels:
         panel.trigger()
     for step in (window.commands.play_sound, window.commands.show_first_steps):
@@ -157,13 +157,13 @@ def test_each_large_view_keeps_its_share_of_the_width(qtbot: QtBot, window: Main
     narrow = share()
     assert narrow == pytest.approx(0.54, abs=0.02)
     frame = views.plan.drawing.plot.vb.viewRect()
-    for panel in window.docks.actions[:2]:
+    for panel in window.dock_openers[:2]:
         panel.trigger()
         assert share() == pytest.approx(narrow, abs=0.02)
     for size in (window.size() + QSize(300, 0), window.size()):
         window.resize(size)
         assert share() == pytest.approx(narrow, abs=0.02)
-    for panel in reversed(window.docks.actions[:2]):
+    for panel in reversed(window.dock_openers[:2]):
         until(qtbot, panel.isChecked)
         panel.trigger()
     until(qtbot, lambda: views.width() == window.width())
@@ -199,7 +199,7 @@ def test_a_low_window_has_one_line_of_legend_until_more_is_pressed(
     assert (lines(), legend.more.isVisible()) == (2, False)
     every = [button for button in legend.findChildren(QToolButton) if button.isVisible()]
     on_screen(window, QSize(1024, 600), monkeypatch)
-    window.docks.actions[1].trigger()  # the room
+    window.dock_openers[1].trigger()  # the room
     assert lines() == 1
     hidden = [button for button in every if not button.isVisible()]
     assert legend.more.text() == f"{len(hidden)} more"
@@ -209,7 +209,7 @@ def test_a_low_window_has_one_line_of_legend_until_more_is_pressed(
     qtbot.mouseClick(legend.more, Qt.MouseButton.LeftButton)
     assert lines() == 1
     on_screen(window, QSize(1280, 800), monkeypatch)
-    window.docks.actions[1].trigger()
+    window.dock_openers[1].trigger()
     assert (lines(), legend.more.isVisible()) == (2, False)
 
 

@@ -21,7 +21,7 @@ from sonarhw_cli.app import run
 from sonarhw_gui.model.look import DARK, LIGHT, Palette
 from sonarhw_gui.model.scene import Scene, scene_of_log
 from sonarhw_gui.session.scanner import Phase, ScannerTarget, ScannerThread, ScanSettings, scan_and_record
-from sonarhw_gui.window.window import Docks, MainWindow
+from sonarhw_gui.window.window import MainWindow
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.room_echoes import RoomEchoes
 from sonarhw_sim.room.room import load_room
@@ -157,8 +157,7 @@ def share(window: MainWindow, sizes: tuple[int, int, int]) -> None:
 
 def dock(qtbot: QtBot, window: MainWindow, name: str) -> None:
     """Open one panel only, and wait for the layout."""
-    docks: Docks = window.docks
-    for action in docks.actions:
+    for action in window.dock_openers:
         if action.isChecked() != (action.text() == name):
             action.trigger()
     qtbot.wait(200)

@@ -10,16 +10,18 @@ import pytest
 from pytestqt.qtbot import QtBot
 from sonarhw_compare.match import compare_readings
 from sonarhw_gui.jobs.forecast import (
+    EFFORTS,
+    FIRST_LEVEL,
     LATE,
     REST,
     SHORT_REST,
     ComparedScan,
     Effort,
-    EffortChoice,
     Forecast,
     PathsFound,
     compare_stretches,
     find_paths,
+    next_level,
 )
 from sonarhw_gui.jobs.jobs import Jobs
 from sonarhw_gui.model.scene import Scene
@@ -265,18 +267,15 @@ def test_late_drafts_of_a_moving_sensor_are_outdated(
 
 
 def test_slow_drafts_get_fewer_bounces_and_fast_ones_more(scene: Scene) -> None:
-    choice = EffortChoice()
-    usual = choice.effort
-    choice.record(0.1)
-    assert choice.effort.max_bounces < usual.max_bounces
+    usual = EFFORTS[FIRST_LEVEL]
+    level = next_level(FIRST_LEVEL, 0.1)
+    assert EFFORTS[level].max_bounces < usual.max_bounces
     for _ in range(10):
-        choice.record(0.001)
-    assert choice.effort.max_bounces > usual.max_bounces
-    assert choice.effort.limit(scene.options).receiver is scene.options.receiver
+        level = next_level(level, 0.001)
+    assert EFFORTS[level].max_bounces > usual.max_bounces
+    assert EFFORTS[level].limit(scene.options).receiver is scene.options.receiver
     assert usual.limit(scene.options).receiver is Receiver.FIRST_ECHO
-    deepest = choice.effort
-    choice.record(0.010)
-    assert choice.effort is deepest
+    assert next_level(level, 0.010) == level
 
 
 def test_probabilities_follow_the_complete_outline_of_a_board_with_spreads(
