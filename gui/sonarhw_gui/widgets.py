@@ -292,9 +292,9 @@ class NumberField(QtWidgets.QDoubleSpinBox):
         self.setKeyboardTracking(False)
         ignore_wheel_without_focus(self)
 
-    def validate(self, text: str, at: int) -> Any:
+    def validate(self, text: str, cursor: int) -> Any:
         """Accept a comma and replace it by a decimal point."""
-        return super().validate(text.replace(",", "."), at)
+        return super().validate(text.replace(",", "."), cursor)
 
 
 # A drop-down list of names that does not widen its panel.

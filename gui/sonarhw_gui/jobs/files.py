@@ -309,10 +309,10 @@ def list_recordings(folder: Path, read: Iterable[RecordingRow] = ()) -> tuple[li
 def _files(folder: Path) -> list[tuple[Path, float]]:
     """Return the logs of a folder with their modification times, newest first; none if there is no folder yet."""
     try:
-        found = [(path, path.stat().st_mtime) for path in folder.glob("*.mcap")]
+        logs = [(path, path.stat().st_mtime) for path in folder.glob("*.mcap")]
     except OSError as error:
         raise InputError(f"{folder}: cannot be read: {error.strerror}") from error
-    return sorted(found, key=lambda one: -one[1])
+    return sorted(logs, key=lambda log: -log[1])
 
 
 def _recording(path: Path, changed: float) -> RecordingRow:
@@ -368,8 +368,8 @@ def with_own_coordinates(svg: str) -> str:
 
 
 def _matrix(transform: str) -> Matrix | None:
-    found = re.fullmatch(r"matrix\(([^)]*)\)", transform)
-    return tuple(float(number) for number in found[1].split(",")) if found else None
+    matched = re.fullmatch(r"matrix\(([^)]*)\)", transform)
+    return tuple(float(number) for number in matched[1].split(",")) if matched else None
 
 
 def _place(shape: ElementTree.Element, matrix: Matrix) -> None:

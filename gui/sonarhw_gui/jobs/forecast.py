@@ -114,15 +114,15 @@ def _outline_headings(scene: Scene, options: PredictionOptions, count: int) -> F
     return np.linspace(0, 2 * np.pi, OUTLINE_HEADINGS if one_search else count, endpoint=False)
 
 
-def outline_chances(found: PathsFound) -> "RangeShading":
+def outline_chances(result: PathsFound) -> "RangeShading":
     """Return the probabilities of ranges at every heading of the outline; it searches the fainter paths too."""
     # slow to load, and few boards state a spread
     from sonarhw_compare.pictures import shading_of
     from sonarhw_sim.predict.probability import possible_readings, scan_with_fainter_paths
 
-    scene, headings = found.scene, found.outline.headings
+    scene, headings = result.scene, result.outline.headings
     room, _ = room_and_place(scene)
-    scan = scan_with_fainter_paths(room, scene.pose, scene.board, headings, found.options)
+    scan = scan_with_fainter_paths(room, scene.pose, scene.board, headings, result.options)
     possible = [possible_readings(scan, index) for index in range(len(headings))]
     return shading_of(possible, headings)
 
@@ -159,8 +159,8 @@ class Stretch:
         """
         prediction, rows = self.comparison.prediction, self.comparison.rows
         missed = {row.index: int(prediction.winners[row.index]) for row in rows if row.kind is Kind.MISSED}
-        found = np.array([missed.get(row.index, NO_PATH) if row.path is None else row.path for row in rows], np.int64)
-        different, places = np.unique(found, return_inverse=True)
+        numbers = np.array([missed.get(row.index, NO_PATH) if row.path is None else row.path for row in rows], np.int64)
+        different, places = np.unique(numbers, return_inverse=True)
         names = {
             path: ">".join(prediction.paths.via(path, prediction.room)) for path in different.tolist() if path >= 0
         }
@@ -212,20 +212,20 @@ class ComparedScan:
         return ComparedScan(tuple(stretch for stretch in kept if stretch.scene_generation == generation))
 
 
-def compare_stretches(found: PathsFound, stretches: Sequence[tuple[int, tuple[Reading, ...]]]) -> tuple[Stretch, ...]:
+def compare_stretches(result: PathsFound, stretches: Sequence[tuple[int, tuple[Reading, ...]]]) -> tuple[Stretch, ...]:
     """Compare stretches, each with the number of its first reading, with the prediction from these paths."""
-    return tuple(_compared(found, first, readings) for first, readings in stretches)
+    return tuple(_compared(result, first, readings) for first, readings in stretches)
 
 
-def _compared(found: PathsFound, first: int, readings: tuple[Reading, ...]) -> Stretch:
-    scene = found.scene
+def _compared(result: PathsFound, first: int, readings: tuple[Reading, ...]) -> Stretch:
+    scene = result.scene
     room, _ = room_and_place(scene)
     headings = headings_of(readings, scene.pose, scene.board)
-    prediction = predict_scan(room, scene.pose, scene.board, headings, found.options, found.paths)
-    if prediction.only_at is None and len(prediction.paths) == len(found.paths):
+    prediction = predict_scan(room, scene.pose, scene.board, headings, result.options, result.paths)
+    if prediction.only_at is None and len(prediction.paths) == len(result.paths):
         # all stretches share one table of paths; their copies would fill the memory
-        prediction = replace(prediction, paths=found.paths)
-    stretch = Stretch(first, match_readings(readings, prediction), found.draft, found.generation)
+        prediction = replace(prediction, paths=result.paths)
+    stretch = Stretch(first, match_readings(readings, prediction), result.draft, result.generation)
     _ = stretch.predicted, stretch.kinds, stretch.paths  # computed here, not in the thread that draws
     return stretch
 
@@ -243,7 +243,7 @@ class Comparer:
         self.compared: ComparedScan | None = None
         self.around: int | None = None  # reading whose stretch is compared first; None: the newest
         self._readings: Sequence[Reading] = ()
-        self._found: PathsFound | None = None
+        self._result: PathsFound | None = None
         self._scan = 0
         self._jobs, self._changed = jobs, changed
 
@@ -257,15 +257,15 @@ class Comparer:
         self._readings = readings
         self._submit()
 
-    def use(self, found: PathsFound | None) -> None:
+    def use(self, result: PathsFound | None) -> None:
         """Compare with the prediction from these paths."""
-        self._found = found
+        self._result = result
         self._submit()
 
     @property
     def uncompared(self) -> int:
         """The number of readings that are not compared with the newest paths yet; 0 without paths."""
-        if self._found is None:
+        if self._result is None:
             return 0
         return len(self._readings) - sum(stretch.end - stretch.first for stretch in self._current)
 
@@ -276,40 +276,40 @@ class Comparer:
         self._submit()  # not after a failure: the same request would fail again
 
     def _submit(self) -> None:
-        found = self._found
-        if found is None or self._jobs.busy(_COMPARE):
+        result = self._result
+        if result is None or self._jobs.busy(_COMPARE):
             return
-        alike = paths_serve_all_headings(found.scene.board, found.options.unit)
+        alike = paths_serve_all_headings(result.scene.board, result.options.unit)
         around = len(self._readings) - 1 if self.around is None else self.around
-        nearest = sorted(self._stale(), key=lambda stretch: _apart(stretch, around))
+        nearest = sorted(self._stale(), key=lambda stretch: _distance(stretch, around))
         chosen = nearest[: _AT_ONCE if alike else 1]  # otherwise each heading needs its own search
         if chosen:
             stretches = tuple((begin, tuple(self._readings[begin:end])) for begin, end in chosen)
-            self._jobs.run(_COMPARE, compare_stretches, found, stretches, then=partial(self._take, self._scan))
+            self._jobs.run(_COMPARE, compare_stretches, result, stretches, then=partial(self._take, self._scan))
 
     @property
     def _current(self) -> list[Stretch]:
         """The stretches that are compared with the newest paths."""
-        found, compared = self._found, self.compared
-        if found is None or compared is None:
+        result, compared = self._result, self.compared
+        if result is None or compared is None:
             return []
-        newest = (found.generation, found.draft)
+        newest = (result.generation, result.draft)
         return [stretch for stretch in compared.stretches if (stretch.scene_generation, stretch.draft) == newest]
 
     def _stale(self) -> Iterator[tuple[int, int]]:
         """Yield begin and end of the stretches that are to be compared with the newest paths."""
-        if self._found is None:
+        if self._result is None:
             return
         last = {stretch.first // STRETCH: stretch for stretch in self._current}  # of each STRETCH readings
         for begin in range(0, len(self._readings), STRETCH):
-            end, known = min(begin + STRETCH, len(self._readings)), last.get(begin // STRETCH)
-            if known is None or (end == begin + STRETCH and known.first > begin):
+            end, compared = min(begin + STRETCH, len(self._readings)), last.get(begin // STRETCH)
+            if compared is None or (end == begin + STRETCH and compared.first > begin):
                 yield begin, end
-            elif known.end < end:
-                yield (known.first if known.end - known.first < _SHORT_SCAN else known.end), end
+            elif compared.end < end:
+                yield (compared.first if compared.end - compared.first < _SHORT_SCAN else compared.end), end
 
 
-def _apart(stretch: tuple[int, int], reading: int) -> int:
+def _distance(stretch: tuple[int, int], reading: int) -> int:
     """Return how far a reading is from a stretch; 0 inside."""
     begin, end = stretch
     return max(begin - reading, reading - end + 1, 0)
@@ -326,7 +326,7 @@ class Forecast:
         self._changed = False  # since the last call of `take`
         self._level = FIRST_LEVEL  # of the effort of the next draft
         self._scene: Scene | None = None
-        self._found: PathsFound | None = None
+        self._result: PathsFound | None = None
         self._generation = 0  # number of the scene; every change increments it
         self._changed_at: dict[int, float] = {}  # generation: time of its change; only those after the compared scene
         self._moved_at = -math.inf  # of the last change of the scene
@@ -356,7 +356,7 @@ class Forecast:
 
     def set_scene(self, scene: Scene) -> None:
         """Predict for `scene` from now on, and drop the results for the previous scene."""
-        self._found, self.outline, self.chances = None, None, None
+        self._result, self.outline, self.chances = None, None, None
         self._comparer.use(None)
         self._oldest = self._generation + 1
         self.begin_scan()
@@ -417,21 +417,21 @@ class Forecast:
     def _find(self, key: str, scene: Scene, options: PredictionOptions, headings: int) -> None:
         self._jobs.run(key, find_paths, self._generation, scene, options, headings, then=self._accept)
 
-    def _accept(self, found: PathsFound) -> None:
+    def _accept(self, result: PathsFound) -> None:
         """Use these paths if they are of a newer scene, or complete instead of a draft of the same scene."""
-        if found.draft:
-            self._level = next_level(self._level, found.took)
-        if found.generation < self._oldest or (self._found is not None and _rank(found) <= _rank(self._found)):
+        if result.draft:
+            self._level = next_level(self._level, result.took)
+        if result.generation < self._oldest or (self._result is not None and _rank(result) <= _rank(self._result)):
             return
-        self._found, self.outline, self.chances, self._changed = found, found.outline, None, True
-        if not found.draft and found.outline.board.states_spread:
-            self._jobs.run(_WEIGH, outline_chances, found, then=partial(self._take_chances, found))
+        self._result, self.outline, self.chances, self._changed = result, result.outline, None, True
+        if not result.draft and result.outline.board.states_spread:
+            self._jobs.run(_WEIGH, outline_chances, result, then=partial(self._take_chances, result))
         if self.compared is None:
-            self._forget_changes(found.generation)
-        self._comparer.use(found)
+            self._forget_changes(result.generation)
+        self._comparer.use(result)
 
-    def _take_chances(self, found: PathsFound, chances: "RangeShading") -> None:
-        if found is self._found:
+    def _take_chances(self, result: PathsFound, chances: "RangeShading") -> None:
+        if result is self._result:
             self.chances, self._changed = chances, True
 
     def _note_compared(self) -> None:
@@ -440,8 +440,8 @@ class Forecast:
             self._forget_changes(self.compared.scene_generation)
 
     def _forget_changes(self, done: int) -> None:
-        self._changed_at = {scene: at for scene, at in self._changed_at.items() if scene > done}
+        self._changed_at = {scene: when for scene, when in self._changed_at.items() if scene > done}
 
 
-def _rank(found: PathsFound) -> tuple[int, bool]:
-    return found.generation, not found.draft
+def _rank(result: PathsFound) -> tuple[int, bool]:
+    return result.generation, not result.draft

@@ -219,9 +219,9 @@ def _values(result: "FitResult") -> "list[Mapping[Parameter, float]]":
 _MOST_READINGS = 720  # the newest ones; more readings of one place do not improve the fit
 
 
-def rows(found: FitFound, solution: int, unit: LengthUnit) -> list[tuple[str, str, str]]:
+def rows(fit: FitFound, solution: int, unit: LengthUnit) -> list[tuple[str, str, str]]:
     """Return name, value and standard deviation in the same unit. Only the best solution has deviations."""
-    values, estimates = found.solutions[solution], found.result.estimates
+    values, estimates = fit.solutions[solution], fit.result.estimates
     if solution > 0:
         return [(_name(parameter), value_text(parameter, value, unit), "") for parameter, value in values.items()]
     lines = []
@@ -232,24 +232,24 @@ def rows(found: FitFound, solution: int, unit: LengthUnit) -> list[tuple[str, st
     return lines
 
 
-def share_line(found: FitFound, solution: int) -> str:
+def share_line(fit: FitFound, solution: int) -> str:
     """Return the shares of echoes within 5 cm before the fit and with this solution."""
-    before, after = (_percent(share) for share in (found.within_5cm, found.fitted_within_5cm[solution]))
+    before, after = (_percent(share) for share in (fit.within_5cm, fit.fitted_within_5cm[solution]))
     return f"within 5 cm: {before} before, {after} after"
 
 
-def solution_line(found: FitFound, solution: int, unit: LengthUnit) -> str:
+def solution_line(fit: FitFound, solution: int, unit: LengthUnit) -> str:
     """Return the pose of a solution in one line."""
-    values = found.solutions[solution].items()
+    values = fit.solutions[solution].items()
     pose = {parameter.quantity.name: value_text(parameter, value, unit) for parameter, value in values}
     place = ", ".join(pose[name] for name in ("x", "y", "heading") if name in pose)
     return f"{solution + 1}: {place or 'same pose'}"
 
 
-def warnings(found: FitFound) -> list[str]:
+def warnings(fit: FitFound) -> list[str]:
     """Return what the scan cannot determine, and whether the fit matches worse than before."""
-    texts = [_warning_text(warning, found.everywhere) for warning in found.result.warnings]
-    before, after = found.within_5cm, found.fitted_within_5cm[0]
+    texts = [_warning_text(warning, fit.everywhere) for warning in fit.result.warnings]
+    before, after = fit.within_5cm, fit.fitted_within_5cm[0]
     if before is not None and after is not None and after < before:
         texts.append("fewer echoes match than before: the room differs from its file in something else")
     return texts
@@ -333,7 +333,7 @@ class CausesAnswer:
 
     scene: Scene
     first: int  # number of the first reading that was searched among those shown
-    found: "FoundCauses"
+    result: "FoundCauses"
 
 
 def search_causes(shown: Shown, job: Job) -> CausesAnswer:
@@ -345,7 +345,7 @@ def search_causes(shown: Shown, job: Job) -> CausesAnswer:
 
     newest, scene = shown.readings[-_MOST_READINGS_OF_CAUSES:], shown.scene
     room, place = room_and_place(scene)
-    found = find_causes(
+    result = find_causes(
         newest,
         room,
         place,
@@ -353,7 +353,7 @@ def search_causes(shown: Shown, job: Job) -> CausesAnswer:
         tick=lambda share: job.report(share, "searching"),
         cancelled=lambda: job.cancelled,
     )
-    return CausesAnswer(scene, len(shown.readings) - len(newest), found)
+    return CausesAnswer(scene, len(shown.readings) - len(newest), result)
 
 
 _MOST_NEXT = 3  # places
@@ -378,7 +378,7 @@ class LoadedScan:
     readings: tuple[Reading, ...]
     place: Place
     board: Board
-    known: bool  # whether its log states the place
+    has_place: bool  # whether its log states it
 
 
 @dataclass(frozen=True, eq=False)
@@ -410,7 +410,7 @@ class RoomAnswer:
     """The room that a search has found."""
 
     hypotheses: Hypotheses
-    found: "FoundRoom"
+    result: "FoundRoom"
     room: Room  # with the places of the scans
 
 
@@ -434,10 +434,10 @@ def search_room(
     if start is not None and not start.is_sound:
         raise InputError("a wall of the room is shorter than 2 cm; remove it in the plan, and go on")
     course = Course(start, refused, lambda draft: job.show(_supported(scans, air, draft, ROUGH)))
-    found = find_room_and_poses(
+    result = find_room_and_poses(
         [_placed(scan) for scan in scans], board, air, _spreads(scans, accuracy), job.check, course
     )
-    return RoomAnswer(_supported(scans, air, found.draft, FINE), found, found_room(found, board))
+    return RoomAnswer(_supported(scans, air, result.draft, FINE), result, found_room(result, board))
 
 
 def _supported(scans: tuple[LoadedScan, ...], air: Air, draft: "RoomDraft", noise: "ReadingNoise") -> Hypotheses:
@@ -464,7 +464,7 @@ def _spreads(scans: tuple[LoadedScan, ...], accuracy: Accuracy) -> "list[PoseSpr
 
     spread = PoseSpread(*accuracy)
     first = spread if spread.is_whole else PoseSpread()
-    return [first, *(spread if scan.known else UNKNOWN for scan in scans[1:])]
+    return [first, *(spread if scan.has_place else UNKNOWN for scan in scans[1:])]
 
 
 def plan_next_scan(answer: RoomAnswer, job: Job) -> "tuple[NextPlace, ...]":
@@ -474,7 +474,7 @@ def plan_next_scan(answer: RoomAnswer, job: Job) -> "tuple[NextPlace, ...]":
     """
     from sonarhw_compare.rooms.outcome import next_places
 
-    return next_places(answer.found, answer.room, answer.hypotheses.board, _MOST_NEXT, job.check, job.show)
+    return next_places(answer.result, answer.room, answer.hypotheses.board, _MOST_NEXT, job.check, job.show)
 
 
 def _one_board(scans: tuple[LoadedScan, ...]) -> Board:
@@ -497,23 +497,23 @@ def loaded_scans(shown: Shown, name: str) -> tuple[LoadedScan, ...]:
     A scan shown of which the list has a part, such as a sweep, is omitted too.
     """
     listed = [overlay for overlay in shown.overlays if overlay.visible and overlay.readings]
-    is_listed = any(share_readings(one.readings, shown.readings) for one in listed)
+    is_listed = any(share_readings(scan.readings, shown.readings) for scan in listed)
     scans = [] if is_listed or not shown.readings else [_loaded(name, shown.readings, shown.scene)]
-    scans += [_loaded(one.name, one.readings, one.scene) for one in listed]
-    first = next((scan for scan in scans if scan.known), None)
+    scans += [_loaded(scan.name, scan.readings, scan.scene) for scan in listed]
+    first = next((scan for scan in scans if scan.has_place), None)
     ordered = scans if first is None else [first, *(scan for scan in scans if scan is not first)]
     return tuple(_with_own_names(ordered))
 
 
-def share_readings(one: tuple[Reading, ...], other: tuple[Reading, ...]) -> bool:
+def share_readings(readings: tuple[Reading, ...], others: tuple[Reading, ...]) -> bool:
     """Return whether two scans have a common reading, the same object."""
-    return not {id(reading) for reading in one}.isdisjoint(id(reading) for reading in other)
+    return not {id(reading) for reading in readings}.isdisjoint(id(reading) for reading in others)
 
 
 def _loaded(name: str, readings: tuple[Reading, ...], scene: Scene) -> LoadedScan:
-    known = scene.place is not None
+    has_place = scene.place is not None
     of_room = tuple(without_own_body(scene.board.own_body, readings))  # as the search counts them
-    return LoadedScan(name, of_room[-MOST_READINGS:], scene.place or NOWHERE, scene.board, known)
+    return LoadedScan(name, of_room[-MOST_READINGS:], scene.place or NOWHERE, scene.board, has_place)
 
 
 def _with_own_names(scans: Iterable[LoadedScan]) -> Iterable[LoadedScan]:
@@ -542,8 +542,8 @@ class FindState:
 
     def is_in(self, scene: Scene) -> bool:
         """Return whether the walls belong to the room of a scene: that of the search, or the accepted one."""
-        found = self.answer is not None and self.accepted and room_name(scene) == self.answer.room.name
-        return found or room_of(scene) == self.searched_in
+        is_accepted = self.answer is not None and self.accepted and room_name(scene) == self.answer.room.name
+        return is_accepted or room_of(scene) == self.searched_in
 
     @property
     def whole(self) -> bool:
@@ -603,9 +603,9 @@ class RoomSearch(Search):
         state, scans, room = self.state, self._scans, self._shown().scene.room
         if state.hypotheses is None or not scans:
             return
-        refused, found = state.refused, state.answer
+        refused, answer = state.refused, state.answer
         # edits of a room keep its name
-        if state.accepted and found is not None and room is not None and room.name == found.room.name:
+        if state.accepted and answer is not None and room is not None and room.name == answer.room.name:
             from sonarhw_compare.rooms.draft import draft_of_room
 
             start = draft_of_room(room)

@@ -44,43 +44,43 @@ class Grip:
     """One part that can be dragged."""
 
     part: GripPart
-    at: room_edits.Point  # m; of a corner: the corner itself, else the point where the drag began
+    point: room_edits.Point  # m; of a corner: the corner itself, else the point where the drag began
     surface: int | None = None  # number of the wall or post
 
 
-def sensor_grip(scene: Scene, handle: room_edits.Point | None, at: room_edits.Point, pixel: float) -> Grip | None:
+def sensor_grip(scene: Scene, handle: room_edits.Point | None, point: room_edits.Point, pixel: float) -> Grip | None:
     """Return the sensor or its beam handle if one is within reach of a point; `pixel` is the size of a pixel, m."""
     if scene.place is None:
         return None
-    if math.dist(scene.pose.position, at) <= _SENSOR_REACH * pixel:
-        return Grip(GripPart.SENSOR, at)
-    if handle is not None and math.dist(handle, at) <= _SENSOR_REACH * pixel:
-        return Grip(GripPart.BEAM, at)
+    if math.dist(scene.pose.position, point) <= _SENSOR_REACH * pixel:
+        return Grip(GripPart.SENSOR, point)
+    if handle is not None and math.dist(handle, point) <= _SENSOR_REACH * pixel:
+        return Grip(GripPart.BEAM, point)
     return None
 
 
-def room_grip(room: Room, at: room_edits.Point, pixel: float) -> Grip | None:
+def room_grip(room: Room, point: room_edits.Point, pixel: float) -> Grip | None:
     """Return the corner, rim, wall or post within reach of a point."""
     reach = REACH * pixel
     ends = room_edits.corners(room)
-    away = np.hypot(*(np.array(ends) - at).T)
+    away = np.hypot(*(np.array(ends) - point).T)
     nearest = int(np.argmin(away))
     if away[nearest] <= reach:
         return Grip(GripPart.CORNER, ends[nearest])
-    surface = surface_at(room, at, pixel)
+    surface = surface_at(room, point, pixel)
     if surface is None:
         return None
     if surface < len(room.walls):
-        return Grip(GripPart.WALL, at, surface)
+        return Grip(GripPart.WALL, point, surface)
     x, y, radius = room.posts[surface - len(room.walls)]
-    on_rim = math.dist((x, y), at) >= max(radius - reach, radius / 2)
-    return Grip(GripPart.RIM if on_rim else GripPart.POST, at, surface)
+    on_rim = math.dist((x, y), point) >= max(radius - reach, radius / 2)
+    return Grip(GripPart.RIM if on_rim else GripPart.POST, point, surface)
 
 
-def surface_at(room: Room, at: room_edits.Point, pixel: float) -> int | None:
+def surface_at(room: Room, point: room_edits.Point, pixel: float) -> int | None:
     """Return the number of the nearest wall or post within reach of a point; inside a post, of this post."""
-    walls = wall_distances(np.array([at]), room.walls)[0]
-    posts = np.maximum(np.hypot(*(room.posts[:, :2] - at).T) - room.posts[:, 2], 0.0)
+    walls = wall_distances(np.array([point]), room.walls)[0]
+    posts = np.maximum(np.hypot(*(room.posts[:, :2] - point).T) - room.posts[:, 2], 0.0)
     distances = np.concatenate((posts, walls))
     nearest = int(np.argmin(distances))
     if distances[nearest] > REACH * pixel:
@@ -97,20 +97,20 @@ Edit = tuple[Scene, str]  # the new scene, and the label of the edit
 def dragged(scene: Scene, grip: Grip, to: room_edits.Point) -> Edit:
     """Return the scene with the gripped part dragged to a point. Raises InputError if it cannot be there."""
     room, place = room_and_place(scene)
-    by = to[0] - grip.at[0], to[1] - grip.at[1]
+    by = to[0] - grip.point[0], to[1] - grip.point[1]
     if grip.part is GripPart.SENSOR:
         return sensor_at(scene, _sum(place.position, by))
     if grip.part is GripPart.BEAM:
-        return sensor_turned(scene, bearing(place.position, to) - bearing(place.position, grip.at))
+        return sensor_turned(scene, bearing(place.position, to) - bearing(place.position, grip.point))
     if grip.surface is None:
-        return with_room(scene, room_edits.move_corner(room, grip.at, on_grid(to))), "moving a corner"
+        return with_room(scene, room_edits.move_corner(room, grip.point, on_grid(to))), "moving a corner"
     name = room.names[grip.surface]
     if grip.part is GripPart.WALL:
         return with_room(scene, room_edits.move_wall(room, grip.surface, on_grid(by))), f"moving {name}"
     x, y, radius = map(float, room.posts[grip.surface - len(room.walls)])
     if grip.part is GripPart.POST:
         return with_room(scene, room_edits.move_post(room, grip.surface, on_grid(_sum((x, y), by)))), f"moving {name}"
-    radius += math.dist((x, y), to) - math.dist((x, y), grip.at)
+    radius += math.dist((x, y), to) - math.dist((x, y), grip.point)
     radius = max(_SMALLEST_RADIUS, on_grid((radius, 0.0))[0])
     return with_room(scene, room_edits.resize_post(room, grip.surface, radius)), f"resizing {name}"
 
@@ -165,10 +165,10 @@ def without_surface(scene: Scene, surface: int) -> Edit:
     return with_room(scene, room_edits.remove_surface(room, surface)), f"removing {room.names[surface]}"
 
 
-def with_corner(scene: Scene, wall: int, at: room_edits.Point) -> Edit:
+def with_corner(scene: Scene, wall: int, point: room_edits.Point) -> Edit:
     """Return the scene with an additional corner in a wall."""
     room, _ = room_and_place(scene)
-    return with_room(scene, room_edits.split_wall(room, wall, on_grid(at))), f"adding a corner in {room.names[wall]}"
+    return with_room(scene, room_edits.split_wall(room, wall, on_grid(point))), f"adding a corner in {room.names[wall]}"
 
 
 def with_surface_material(scene: Scene, surface: int, material: str) -> Edit:
@@ -185,9 +185,9 @@ def with_material_values(scene: Scene, material: str, shares: Mapping[str, float
     An unknown material is created, with a reflectance of 0.9.
     """
     room, _ = room_and_place(scene)
-    known = materials(room).get(material)
+    before = materials(room).get(material)
     # a reflectance of None keeps a table
-    reflectance, scatter = (known.reflectance, known.scatter) if known else (_NEW, 0.0)
+    reflectance, scatter = (before.reflectance, before.scatter) if before else (_NEW, 0.0)
     shares = shares or {}
     reflectance, scatter = shares.get("reflectance", reflectance), shares.get("scatter", scatter)
     return with_room(scene, with_material(room, material, reflectance, scatter)), f"changing {material}"
@@ -224,9 +224,9 @@ def room_and_place(scene: Scene) -> tuple[Room, Place]:
     return scene.room, scene.place
 
 
-def bearing(middle: room_edits.Point, at: room_edits.Point) -> float:
+def bearing(middle: room_edits.Point, point: room_edits.Point) -> float:
     """Return the direction from one point to another, rad."""
-    return math.atan2(at[1] - middle[1], at[0] - middle[0])
+    return math.atan2(point[1] - middle[1], point[0] - middle[0])
 
 
 def on_grid(point: room_edits.Point) -> room_edits.Point:
@@ -235,8 +235,8 @@ def on_grid(point: room_edits.Point) -> room_edits.Point:
     return round(x, 6), round(y, 6)
 
 
-def _sum(one: room_edits.Point, other: room_edits.Point) -> room_edits.Point:
-    return one[0] + other[0], one[1] + other[1]
+def _sum(point: room_edits.Point, by: room_edits.Point) -> room_edits.Point:
+    return point[0] + by[0], point[1] + by[1]
 
 
 def with_sensor_at(scene: Scene, position: room_edits.Point, heading: float) -> Scene:

@@ -65,11 +65,11 @@ def rows_of(
 
     Values of the same readings are copied from the rows `before`.
     """
-    known = _shared(before.readings, readings)
-    fresh = readings[known:]
-    angles = np.concatenate((before.angles[:known], np.degrees([reading.angle for reading in fresh])))
+    shared = _shared(before.readings, readings)
+    fresh = readings[shared:]
+    angles = np.concatenate((before.angles[:shared], np.degrees([reading.angle for reading in fresh])))
     ranges = (reading.range for reading in fresh)
-    measured = np.concatenate((before.measured[:known], [math.nan if far is None else far for far in ranges]))
+    measured = np.concatenate((before.measured[:shared], [math.nan if far is None else far for far in ranges]))
     uncompared = Unclassed.WAITING if scene.room else Unclassed.MEASURED
     predicted, classes, paths, names = _compared_values(len(angles), compared, CODES[uncompared])
     headings = np.mod(scene.board.turned(angles) + math.degrees(scene.pose.heading), 360.0)
@@ -104,8 +104,8 @@ def _compared_values(
         here = slice(stretch.first, min(stretch.end, count))
         rows = slice(0, here.stop - here.start)
         predicted[here], classes[here] = stretch.predicted[rows], stretch.kinds[rows]
-        found, own_names = stretch.paths
-        paths[here] = np.array([*(places[name] for name in own_names), NO_PATH], np.int64)[found[rows]]
+        numbers, own_names = stretch.paths
+        paths[here] = np.array([*(places[name] for name in own_names), NO_PATH], np.int64)[numbers[rows]]
     return predicted, classes, paths, tuple(names)
 
 

@@ -247,13 +247,13 @@ def bounce_labels(corners: FloatArray) -> list[tuple[str, FloatArray]]:
     A path that returns on itself has several bounces at one point; their numbers are joined.
     """
     labels: list[tuple[list[str], FloatArray]] = []
-    for number, at in enumerate(corners[1:-1], start=1):
-        same = next((texts for texts, there in labels if math.dist(at, there) < _SAME_BOUNCE), None)
+    for number, corner in enumerate(corners[1:-1], start=1):
+        same = next((texts for texts, place in labels if math.dist(corner, place) < _SAME_BOUNCE), None)
         if same is None:
-            labels.append(([str(number)], at))
+            labels.append(([str(number)], corner))
         else:
             same.append(str(number))
-    return [(", ".join(texts), at) for texts, at in labels]
+    return [(", ".join(texts), corner) for texts, corner in labels]
 
 
 # The notes on the readings shown, as one frozen value.
@@ -366,6 +366,6 @@ def _moved(source: list[EditStep], target: list[EditStep], now: tuple[Edited, ..
     if not source:
         return None
     step = source.pop()
-    same_kind = next(one for one in now if isinstance(one, type(step.state)))
+    same_kind = next(current for current in now if isinstance(current, type(step.state)))
     target.append(EditStep(same_kind, step.label))
     return step.state

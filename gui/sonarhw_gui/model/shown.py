@@ -80,9 +80,9 @@ def overlaid(name: str, readings: tuple[Reading, ...], scene: Scene, drawn_in: S
 
     `drawn_in`: the scene at whose place it is drawn if its own place is unknown.
     """
-    at = replace(drawn_in, board=scene.board) if drawn_in is not None and scene.place is None else scene
-    series = heading_series(readings, at.board, at.place.heading if at.place else 0.0)
-    sensors = standpoints(at.board, at.pose, series.headings) if len(readings) else np.empty((0, 2))
+    drawn = replace(drawn_in, board=scene.board) if drawn_in is not None and scene.place is None else scene
+    series = heading_series(readings, drawn.board, drawn.place.heading if drawn.place else 0.0)
+    sensors = standpoints(drawn.board, drawn.pose, series.headings) if len(readings) else np.empty((0, 2))
     points = points_at(sensors, series.headings, series.ranges)
     return OverlaidScan(name, series, points, readings, scene)
 
@@ -121,9 +121,9 @@ Parts: TypeAlias = Callable[["Shown"], tuple[object, ...]]
 Question: TypeAlias = tuple[PredictedScan, int]  # a prediction, and the row of a heading in it
 
 
-def is_same_question(one: Question | None, other: Question | None) -> bool:
+def is_same_question(question: Question | None, other: Question | None) -> bool:
     """Return whether both are on one heading of one prediction; not if there is none."""
-    return one is not None and other is not None and one[0] is other[0] and one[1] == other[1]
+    return question is not None and other is not None and question[0] is other[0] and question[1] == other[1]
 
 
 @dataclass(frozen=True)
@@ -180,7 +180,7 @@ class Shown:
     overlays: tuple[OverlaidScan, ...] = ()  # other scans, drawn over the readings
     pair: ScanPair | None = None  # of these and the readings, whose differences are shown
     proposal: Proposal | None = None  # a change of the room that may be tried
-    found: FoundDrawing | None = None  # of a search for the room
+    found_room: FoundDrawing | None = None  # of a search for the room
     notes: NoteTexts = NO_NOTES  # on readings, also on those after the position of a replay
     cursor: Cursor | None = None
     hidden: frozenset[Class | ViewLayer] = frozenset()  # classes and layers that no view draws
@@ -270,8 +270,8 @@ class Shown:
         if stretch is not None:
             return explain_reading(stretch.comparison, reading - stretch.first, self.look.unit.text)
         range_ = self.readings[reading].range
-        at = heading_text(self.heading(reading))
-        measured = f"no echo at {at}" if range_ is None else f"{self.look.unit.text(range_)} at {at}"
+        heading = heading_text(self.heading(reading))
+        measured = f"no echo at {heading}" if range_ is None else f"{self.look.unit.text(range_)} at {heading}"
         return f"{measured}: {'being compared' if self.scene.room else 'open a room file to see its path'}"
 
     @cached_property
@@ -293,9 +293,11 @@ class Shown:
         for code, kind in enumerate(CLASSES):
             if kind in self.hidden:
                 continue
-            found = np.flatnonzero((rows.classes == code) & ~np.isnan(drawn_at))
-            if len(found):
-                points[kind] = ClassPoints(tuple(found.tolist()), np.radians(rows.headings[found]), drawn_at[found])
+            numbers = np.flatnonzero((rows.classes == code) & ~np.isnan(drawn_at))
+            if len(numbers):
+                points[kind] = ClassPoints(
+                    tuple(numbers.tolist()), np.radians(rows.headings[numbers]), drawn_at[numbers]
+                )
         return points
 
 

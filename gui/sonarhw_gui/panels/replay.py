@@ -73,8 +73,8 @@ class TimeSlider(QtWidgets.QSlider):
         """Draw the marks below the slider."""
         if 1 < len(self._scans) <= _MOST_MARKS:
             with QPainter(self) as painter:
-                for at in self.marks:
-                    painter.fillRect(QRectF(at - _MARK / 2, 0, _MARK, self.height()), self._look.palette.predicted)
+                for mark in self.marks:
+                    painter.fillRect(QRectF(mark - _MARK / 2, 0, _MARK, self.height()), self._look.palette.predicted)
         super().paintEvent(event)
 
     def _seek(self, value: int) -> None:

@@ -165,35 +165,35 @@ class FitPanel(SearchPanel):
         self.where.setEnabled(self.free["position"].isChecked())
 
     def _draw(self) -> None:
-        found: searches.FitFound | None = self._state.answer
-        self._result.setVisible(found is not None)
+        fit: searches.FitFound | None = self._state.answer
+        self._result.setVisible(fit is not None)
         self.note.hide()
         self._enable()
-        if found is not None:
-            chosen, count = max(self.solutions.currentIndex(), 0), len(found.solutions)
+        if fit is not None:
+            chosen, count = max(self.solutions.currentIndex(), 0), len(fit.solutions)
             self.solutions.clear()
-            self.solutions.addItems([searches.solution_line(found, k, self._shown.look.unit) for k in range(count)])
+            self.solutions.addItems([searches.solution_line(fit, k, self._shown.look.unit) for k in range(count)])
             self.solutions.setCurrentIndex(min(chosen, count - 1))
             self.solutions.setVisible(count > 1)
             self._draw_solution()
 
     @Slot()
     def _draw_solution(self) -> None:
-        found, solution = self._state.answer, self.solutions.currentIndex()
+        fit, solution = self._state.answer, self.solutions.currentIndex()
         lines = "".join(
             f"<tr><td>{escape(name)}&nbsp;&nbsp;</td><td align=right>{value}</td><td>&nbsp;&nbsp;{deviation}</td></tr>"
-            for name, value, deviation in rows(found, solution, self._shown.look.unit)
+            for name, value, deviation in rows(fit, solution, self._shown.look.unit)
         )
         self.table.setText(f"<table>{lines}</table>")
-        warned = [f"⚠ {warning}" for warning in searches.warnings(found)]
-        count = f"{found.readings} readings; ± is one standard deviation"
-        self.notes.setText("\n\n".join((searches.share_line(found, solution), count, *warned)))
+        warned = [f"⚠ {warning}" for warning in searches.warnings(fit)]
+        count = f"{fit.readings} readings; ± is one standard deviation"
+        self.notes.setText("\n\n".join((searches.share_line(fit, solution), count, *warned)))
 
     @Slot()
     def _accept(self) -> None:
-        found = self._state.answer
-        values = found.solutions[self.solutions.currentIndex()]
-        if self._apply(lambda: searches.fitted(self._shown.scene, values, found.scene.board)):
+        fit = self._state.answer
+        values = fit.solutions[self.solutions.currentIndex()]
+        if self._apply(lambda: searches.fitted(self._shown.scene, values, fit.scene.board)):
             self._control.cancel()
 
 
@@ -236,11 +236,11 @@ class CausesPanel(SearchPanel):
         self.note.setText("" if self._state.running else _CAUSES_HINT)
         if answer is not None and answer.scene.room is not None:
             self._tried = [(answer.scene.room, frozenset())]
-            for number, cause in enumerate(answer.found.causes, 1):
+            for number, cause in enumerate(answer.result.causes, 1):
                 text = f"{number}. {cause.text(self._shown.look.unit.text)}"
                 self.list.addItem(_item(text, f"{text}; log-likelihood +{cause.gain:.0f}"))
-            count = "no change of the room explains misfits; " if not answer.found.causes else ""
-            left = answer.found.left_text
+            count = "no change of the room explains misfits; " if not answer.result.causes else ""
+            left = answer.result.left_text
             self.note.setText(f"{count}with all changes, {left}".replace("changes, no", "changes no"))
         self._enable()
 
@@ -258,7 +258,7 @@ class CausesPanel(SearchPanel):
             changed = cause.change.applied(room)
         except (InputError, ValueError):
             changed = room  # the room was edited since the search
-        kinds = {row.index: row.kind for row in answer.found.before.rows}
+        kinds = {row.index: row.kind for row in answer.result.before.rows}
         misfits = (row for row in cause.readings if kinds[row] not in (Kind.MATCH, Kind.BOTH_SILENT))
         self._session.showing.choose(answer.first + next(misfits, cause.readings[0]))
         self._session.showing.propose(proposal_of(room, changed, numbers, surface))
@@ -277,7 +277,7 @@ class CausesPanel(SearchPanel):
     @property
     def _cause(self) -> "Cause | None":
         answer, row = self._state.answer, self.list.currentRow()
-        return answer.found.causes[row] if answer is not None and 0 <= row < len(answer.found.causes) else None
+        return answer.result.causes[row] if answer is not None and 0 <= row < len(answer.result.causes) else None
 
     @property
     def _tried_now(self) -> frozenset[int]:
@@ -293,7 +293,7 @@ class CausesPanel(SearchPanel):
             text = self.list.item(row).text().removesuffix(" — tried")
             self.list.item(row).setText(f"{text} — tried" if row in tried else text)
         if answer is not None:
-            before, now = answer.found.before.summary().within_5cm, _share(self._shown.rows)
+            before, now = answer.result.before.summary().within_5cm, _share(self._shown.rows)
             self.shares.setText(f"within 5 cm of the prediction: {_percent(before)} before, {_percent(now)} now")
 
 
@@ -403,8 +403,8 @@ class FindPanel(SearchPanel):
     def _draw(self) -> None:
         if self.isVisible():
             elsewhere = self._is_elsewhere(self._shown)
-            found = None if elsewhere else drawing_of(self._state, self.list.currentRow())
-            self._session.showing.draw_found(found)
+            drawing = None if elsewhere else drawing_of(self._state, self.list.currentRow())
+            self._session.showing.draw_found(drawing)
 
     def _is_elsewhere(self, shown: Shown) -> bool:
         """Return whether the walls found belong to another room than the one shown."""
@@ -465,7 +465,7 @@ def _scans_text(scans: tuple[searches.LoadedScan, ...]) -> str:
     from sonarhw_compare.arcs import place_numbers  # not needed at the start of the window
 
     places = place_numbers([scan.place.position for scan in scans])
-    if len(set(places.tolist())) > 1 or (len(scans) > 1 and not all(scan.known for scan in scans)):
+    if len(set(places.tolist())) > 1 or (len(scans) > 1 and not all(scan.has_place for scan in scans)):
         return text
     return f"{text}\n⚠ One place alone does not determine a room: walls and posts may be false. Add a scan of another."
 
@@ -473,39 +473,39 @@ def _scans_text(scans: tuple[searches.LoadedScan, ...]) -> str:
 def _step_text(state: searches.FindState) -> str:
     if state.running == "planning":
         return "trying places for the next scan"
-    found = state.hypotheses
-    walls, posts = (len(found.draft.walls), len(found.draft.posts)) if found is not None else (0, 0)
+    hypotheses = state.hypotheses
+    walls, posts = (len(hypotheses.draft.walls), len(hypotheses.draft.posts)) if hypotheses is not None else (0, 0)
     return f"{counted(walls, 'wall')} and {counted(posts, 'post')} so far"
 
 
 def row_texts(state: searches.FindState, unit: LengthUnit) -> list[str]:
     """Return one line for each wall and post: name, size, standard deviations, readings for and against."""
-    found = state.hypotheses
-    if found is None:
+    hypotheses = state.hypotheses
+    if hypotheses is None:
         return []
     texts = []
-    for row, support in enumerate(found.supports):
-        speaking, against = (sum(int(one.sum()) for one in support.speaking(sign)) for sign in (1, -1))
-        parts = (support.name, _size(found, row, unit), _deviations(state, row, unit))
+    for row, support in enumerate(hypotheses.supports):
+        speaking, against = (sum(int(scan.sum()) for scan in support.speaking(sign)) for sign in (1, -1))
+        parts = (support.name, _size(hypotheses, row, unit), _deviations(state, row, unit))
         texts.append(f"{' · '.join(filter(None, parts))}\n{speaking} readings for, {against} against")
     return texts
 
 
 def drawing_of(state: searches.FindState, row: int) -> FoundDrawing | None:
     """Return what is drawn of a search if the wall or post `row` is selected; -1: none. None: nothing."""
-    found = state.hypotheses
-    if found is None:
+    hypotheses = state.hypotheses
+    if hypotheses is None:
         return None
-    walls, posts = found.draft.segments, np.array([(*post.center, post.radius) for post in found.draft.posts])
+    walls, posts = hypotheses.draft.segments, np.array([(*post.center, post.radius) for post in hypotheses.draft.posts])
     posts, number = posts.reshape(-1, 3), row - len(walls)
-    chosen = 0 <= row < len(found.supports)
+    chosen = 0 <= row < len(hypotheses.supports)
     return FoundDrawing(
         walls,
         posts,
         walls[row : row + 1] if chosen and number < 0 else walls[:0],
         posts[number : number + 1] if chosen and number >= 0 else posts[:0],
-        _points(found, found.supports[row].speaking(1)) if chosen else NO_POINTS,
-        _points(found, found.supports[row].speaking(-1)) if chosen else NO_POINTS,
+        _points(hypotheses, hypotheses.supports[row].speaking(1)) if chosen else NO_POINTS,
+        _points(hypotheses, hypotheses.supports[row].speaking(-1)) if chosen else NO_POINTS,
         state.places[0] if state.places else None,
     )
 
@@ -517,7 +517,7 @@ def next_text(state: searches.FindState, unit: Callable[[float], str]) -> str:
     best = state.places[0]
     if best.gain <= 0 or not best.sectors:
         return "" if state.running else "Another scan would make no wall or post more certain."
-    x, y = (unit(at) for at in best.position)
+    x, y = (unit(metres) for metres in best.position)
     sectors = ", ".join(f"{in_degrees(begin, 0):.0f}° to {in_degrees(end, 0):.0f}°" for begin, end in best.sectors)
     so_far = "Best so far, while other places are tried: s" if state.running else "S"
     return f"{so_far}can next at x {x}, y {y}: gain {best.gain:.1f} nats, most from headings {sectors}."
@@ -527,49 +527,49 @@ def poses_text(state: searches.FindState, unit: LengthUnit) -> str:
     """Return the possible poses of each scan that was located, and the scans that were not; empty if there are none."""
     if (answer := state.answer) is None:
         return ""
-    lines = [f"{name}: {'; '.join(_pose(one, unit) for one in poses)}" for name, poses in answer.found.poses.items()]
-    lines += [f"⚠ {name} is left out: its pose was not found." for name in answer.found.left_out]
+    lines = [f"{name}: {'; '.join(_pose(pose, unit) for pose in poses)}" for name, poses in answer.result.poses.items()]
+    lines += [f"⚠ {name} is left out: its pose was not found." for name in answer.result.left_out]
     return "\n".join(lines)
 
 
 def _pose(pose: "Pose", unit: LengthUnit) -> str:
-    x, y = (unit.text(at) for at in pose.position)
+    x, y = (unit.text(metres) for metres in pose.position)
     return f"{pose.probability:.0%} at x {x}, y {y}, {in_degrees(pose.heading, 1):.1f}°"
 
 
-def _size(found: searches.Hypotheses, row: int, unit: LengthUnit) -> str:
-    segments = found.draft.segments
+def _size(hypotheses: searches.Hypotheses, row: int, unit: LengthUnit) -> str:
+    segments = hypotheses.draft.segments
     if row < len(segments):
         x, y, x2, y2 = segments[row]
         return str(unit.text(math.hypot(x2 - x, y2 - y)))
-    return f"radius {unit.text(found.draft.posts[row - len(segments)].radius)}"
+    return f"radius {unit.text(hypotheses.draft.posts[row - len(segments)].radius)}"
 
 
 def _deviations(state: searches.FindState, row: int, unit: LengthUnit) -> str:
     """Return the standard deviations of a wall or post; empty while the search runs."""
-    found, answer = state.hypotheses, state.answer
-    if found is None or answer is None:
+    hypotheses, answer = state.hypotheses, state.answer
+    if hypotheses is None or answer is None:
         return ""
     from sonarhw_compare.rooms.search import Move  # loaded by the search
 
-    small, deviations = unit.small, answer.found.deviations
+    small, deviations = unit.small, answer.result.deviations
 
     def length(what: str, which: int, part: int) -> str:
         return f"{deviations[Move(what, which, part)] * small.per_metre:.{max(small.decimals, 1)}f} {small.label}"
 
-    keys = list(found.draft.walls)
+    keys = list(hypotheses.draft.walls)
     if row < len(keys):
         turned = math.degrees(deviations[Move("wall", keys[row], 1)])
         return f"± {length('wall', keys[row], 0)}, ± {turned:.2f}°"
-    name = found.supports[row].name
-    number = [support.name for support in answer.hypotheses.supports].index(name) - len(answer.found.draft.walls)
+    name = hypotheses.supports[row].name
+    number = [support.name for support in answer.hypotheses.supports].index(name) - len(answer.result.draft.walls)
     return f"± {length('post', number, 0)}, ± {length('post', number, 1)}"
 
 
-def _points(found: searches.Hypotheses, chosen: tuple[BoolArray, ...]) -> FloatArray:
+def _points(hypotheses: searches.Hypotheses, chosen: tuple[BoolArray, ...]) -> FloatArray:
     """Return the points of the chosen readings with an echo, (n, 2) m, at the places of the draft."""
     parts = []
-    for scan, place, which in zip(found.scans, found.draft.places, chosen, strict=True):
+    for scan, place, which in zip(hypotheses.scans, hypotheses.draft.places, chosen, strict=True):
         readings = [scan.readings[k] for k in np.flatnonzero(which) if scan.readings[k].range is not None]
         if not readings:
             continue
@@ -673,11 +673,11 @@ def _box(offer: Offer) -> QtWidgets.QCheckBox:
 
 
 def _list(name: str) -> QtWidgets.QListWidget:
-    found = QtWidgets.QListWidget()
-    found.setAccessibleName(name)
-    found.setWordWrap(True)  # a long line is wider than a narrow panel
-    found.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-    return found
+    widget = QtWidgets.QListWidget()
+    widget.setAccessibleName(name)
+    widget.setWordWrap(True)  # a long line is wider than a narrow panel
+    widget.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+    return widget
 
 
 def _item(text: str, tip: str) -> QtWidgets.QListWidgetItem:

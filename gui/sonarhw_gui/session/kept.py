@@ -122,14 +122,14 @@ def write_memory(path: Path, memory: Memory) -> None:
 
 def _layouts(file: QSettings) -> dict[str, tuple[QByteArray, QByteArray]]:
     """Return the named layouts; one that is incomplete is left out."""
-    found = {}
+    layouts = {}
     for number in range(file.beginReadArray("layouts")):
         file.setArrayIndex(number)
         panels, views = file.value("panels"), file.value("views")
         if isinstance(panels, QByteArray) and isinstance(views, QByteArray):
-            found[_text(file, "name")] = panels, views
+            layouts[_text(file, "name")] = panels, views
     file.endArray()
-    return found
+    return layouts
 
 
 def _damaged(path: Path, why: str) -> InputError:
@@ -345,13 +345,13 @@ class UnsavedRooms:
 
     def _unsaved(self) -> list[tuple[Path, UnsavedRoom]]:
         """Return all unsaved rooms with their files, newest first."""
-        found: list[tuple[Path, UnsavedRoom]] = []
+        rooms: list[tuple[Path, UnsavedRoom]] = []
         for path in self._folder.glob("*.json") if self._folder is not None else ():
             try:
-                found.append((path, read_unsaved(path)))
+                rooms.append((path, read_unsaved(path)))
             except InputError as error:
                 self._notices.warn(str(error))
-        return sorted(found, key=lambda one: -one[1].when)
+        return sorted(rooms, key=lambda room: -room[1].when)
 
     def _continue(self, path: Path, unsaved: UnsavedRoom) -> None:
         self._opened = unsaved.opened.scene()

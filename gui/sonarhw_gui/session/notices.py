@@ -153,9 +153,9 @@ class Preparation(Watcher):
         self.progress: tuple[int, int] | None = None  # compiled and all kernels; None while nothing is compiled
         self._doubt = ""
 
-    def compiling(self, done: int, known: int) -> None:
+    def compiling(self, done: int, kernels: int) -> None:
         """Note the progress."""
-        self.progress = done, known
+        self.progress = done, kernels
 
     def compiled(self) -> None:
         """Note that compilation has ended for now."""

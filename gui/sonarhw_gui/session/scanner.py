@@ -629,7 +629,7 @@ class PortRow:
 
     device: str
     description: str
-    known: bool  # whether its USB device may be a scanner
+    likely: bool  # whether its USB device may be a scanner
     answer: str = "not checked"
     answers: bool = False  # whether a scanner answers
     proposed_url: str = ""  # of a device that prints readings
@@ -730,7 +730,7 @@ class ScannerChoice(QObject):
     def listen(self, device: str) -> None:
         """Listen at a port for the text of a device that prints readings, also at one that is not listed."""
         if device not in [row.device for row in self.rows]:
-            self.rows += (PortRow(device, "", known=False),)
+            self.rows += (PortRow(device, "", likely=False),)
         self.rows = tuple(replace(row, answer="listening …") if row.device == device else row for row in self.rows)
         row = next(row for row in self.rows if row.device == device)
         self._run("listen at a port", _listened, row, lambda: self._jobs.closed, then=self._take_row)
@@ -743,7 +743,7 @@ class ScannerChoice(QObject):
         self.rows = tuple(
             replace(row, answer="in use by this window") if row.device == self.url else row for row in rows
         )
-        self._queue([row.device for row in rows if row.known])
+        self._queue([row.device for row in rows if row.likely])
         self.ports_changed.emit(self.rows)
 
     def _take_row(self, probed: PortRow) -> None:
@@ -842,6 +842,6 @@ def place_of(scanner: ScannerTarget | None, shown: Scene) -> ScannerPlace:
     return ScannerPlace(scanner.scene, fake=True, follow=scanner.follow)
 
 
-def _is_same(one: Place, other: Place) -> bool:
-    turned = math.remainder(one.heading - other.heading, math.tau)
-    return math.dist(one.position, other.position) < _CLOSE and abs(turned) < _CLOSE and one.height == other.height
+def _is_same(place: Place, other: Place) -> bool:
+    turned = math.remainder(place.heading - other.heading, math.tau)
+    return math.dist(place.position, other.position) < _CLOSE and abs(turned) < _CLOSE and place.height == other.height

@@ -163,8 +163,8 @@ def _is_of_another_scene(outline: PredictedScan, scene: Scene) -> bool:
     return outline.room is not scene.room or outline.place != scene.pose or outline.board is not scene.board
 
 
-def _same(one: tuple[object, ...], other: tuple[object, ...]) -> bool:
-    return len(one) == len(other) and all(a is b for a, b in zip(one, other, strict=True))
+def _same(parts: tuple[object, ...], others: tuple[object, ...]) -> bool:
+    return len(parts) == len(others) and all(a is b for a, b in zip(parts, others, strict=True))
 
 
 # The model of the views: the scene and its edits, its prediction, and the selected reading.
@@ -347,10 +347,10 @@ class ShownModel(QObject):
             self._update_due = True
 
     @Slot(object)
-    def draw_found(self, found: FoundDrawing | None) -> None:
+    def draw_found(self, drawing: FoundDrawing | None) -> None:
         """Draw the state of a search for the room; None: nothing."""
-        if found is not self.shown.found:
-            self.shown = replace(self.shown, found=found)
+        if drawing is not self.shown.found_room:
+            self.shown = replace(self.shown, found_room=drawing)
             self._update_due = True
 
     @Slot(object, object)
@@ -533,7 +533,7 @@ class ScanList(QObject):
             return
         before = len(self.scans)
         chosen = sweeps[: max(1, _MOST_SCANS - before)]
-        parts = [tuple(one for one in readings if one.sweep == sweep) for sweep in chosen]
+        parts = [tuple(reading for reading in readings if reading.sweep == sweep) for sweep in chosen]
         named = zip(chosen, parts, strict=True)
         self._add([overlaid(f"{name}, sweep {sweep + 1}", part, scene) for sweep, part in named])
         if len(self.scans) > before + 1:

@@ -288,8 +288,8 @@ def _inset(view: pg.GraphicsView, box: pg.ViewBox, offset: QPoint) -> str:
     """Return the content of a view box as an element that clips it."""
     seen = view.mapFromScene(box.sceneBoundingRect()).boundingRect()
     drawn = _svg(QRect(QPoint(0, 0), seen.size()), None, lambda painter: _draw_seen(painter, view, seen))
-    at = offset + seen.topLeft()
-    place = f'x="{at.x()}" y="{at.y()}" width="{seen.width()}" height="{seen.height()}" overflow="hidden"'
+    corner = offset + seen.topLeft()
+    place = f'x="{corner.x()}" y="{corner.y()}" width="{seen.width()}" height="{seen.height()}" overflow="hidden"'
     return re.sub(r'<svg width="[^"]*" height="[^"]*"', f"<svg {place}", drawn[drawn.index("<svg") :], count=1)
 
 
@@ -394,11 +394,11 @@ def nearest_reading(
 
     `drawn` contains the readings of every class and their positions, (n, 2) float in view coordinates.
     """
-    at = view.mapSceneToView(click)
+    point = view.mapSceneToView(click)
     size = np.array([abs(length) for length in view.viewPixelSize()])
     best, nearest = None, within
     for points, positions in drawn.values():
-        away = np.hypot(*((positions - (at.x(), at.y())) / size).T)
+        away = np.hypot(*((positions - (point.x(), point.y())) / size).T)
         k = int(np.nanargmin(away))
         if away[k] <= nearest:
             best, nearest = points.readings[k], float(away[k])

@@ -141,14 +141,14 @@ class BScanPane:
         """Return heading and range at a point in scene coordinates; None outside the image."""
         if not self.plot.vb.sceneBoundingRect().contains(position):
             return None
-        at = self.plot.vb.mapSceneToView(position)
+        point = self.plot.vb.mapSceneToView(position)
         if self._polar:
             heading, away = self._arm.headings_and_ranges(
-                np.array(at.x() - self._middle[0]), np.array(at.y() - self._middle[1])
+                np.array(point.x() - self._middle[0]), np.array(point.y() - self._middle[1])
             )
             cursor = Cursor(float(heading) % math.tau, float(away))
         else:
-            cursor = Cursor(math.radians(at.x()) % math.tau, at.y())
+            cursor = Cursor(math.radians(point.x()) % math.tau, point.y())
         return cursor if 0 <= cursor.range <= self._cells.reach else None
 
     def _area(self, cells: RangeCells) -> tuple[float, float, float, float]:

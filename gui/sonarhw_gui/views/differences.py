@@ -103,8 +103,8 @@ class DifferenceView(QWidget):
     def fit(self) -> None:
         """Show all headings and differences."""
         self.plot.setXRange(0, 360, padding=0.01)
-        found = self.difference.rows if self.difference else ()
-        largest = max((abs(row.difference) for row in found if row.difference is not None), default=0.0)
+        rows = self.difference.rows if self.difference else ()
+        largest = max((abs(row.difference) for row in rows if row.difference is not None), default=0.0)
         height = max(_LEAST, 1.1 * largest)
         self.plot.setYRange(-height, height, padding=0)
 
@@ -131,8 +131,8 @@ class DifferenceView(QWidget):
         for sign, curve in zip((-1, 1), self._limits, strict=True):
             curve.setData(headings, sign * limits)
         for change, marks in self.marks.items():
-            at = [(math.degrees(row.heading), row.difference or 0.0) for row in rows if row.change is change]
-            marks.setData(*np.array(at, dtype=np.float64).reshape(-1, 2).T)
+            points = [(math.degrees(row.heading), row.difference or 0.0) for row in rows if row.change is change]
+            marks.setData(*np.array(points, dtype=np.float64).reshape(-1, 2).T)
         compared = self.difference is not None
         self.summary.setText(text if compared else "")
         self.summary.setVisible(compared)
@@ -169,13 +169,13 @@ def _difference(shown: Shown) -> tuple[ScanDifference | None, str]:
     """Return the differences of the chosen pair and their summary, or None and the reason."""
     if shown.pair is None:
         return None, _HINT
-    (first, one), (second, other) = (_scan(shown, number) for number in shown.pair)
+    (first, first_series), (second, second_series) = (_scan(shown, number) for number in shown.pair)
     try:
-        found = scan_difference(one, other)
+        difference = scan_difference(first_series, second_series)
     except InputError as error:
         return None, f"{first} and {second}: {error}"
-    counts = ", ".join(f"{count} {change.value}" for change, count in found.changes.items() if count)
-    return found, f"{second} − {first}: {counts}"
+    counts = ", ".join(f"{count} {change.value}" for change, count in difference.changes.items() if count)
+    return difference, f"{second} − {first}: {counts}"
 
 
 def _scan(shown: Shown, number: int) -> tuple[str, HeadingSeries]:

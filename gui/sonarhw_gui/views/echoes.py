@@ -29,26 +29,26 @@ class EchoList:
     unit: LengthUnit
 
     @cached_property
-    def found(self) -> tuple[RankedEcho, ...]:
+    def echoes(self) -> tuple[RankedEcho, ...]:
         """The echoes, that of the winner first."""
         return ranked_echoes(self.prediction, self.index)
 
     def cells(self, row: int) -> tuple[str, ...]:
         """Return the texts of one row, one for each of `COLUMNS`."""
-        echo = self.found[row]
+        echo = self.echoes[row]
         via = ">".join(self.prediction.paths.via(echo.path, self.prediction.room))
         level = decibels_text(echo.level_db)
         return self.unit.text(echo.half), level, outcome_text(echo, self.unit.text), via
 
     def is_out(self, row: int) -> bool:
         """Return whether the board cannot detect an echo: it is blanked or too weak."""
-        return (self.found[row].blanked or self.found[row].too_weak) and not self.found[row].wins
+        return (self.echoes[row].blanked or self.echoes[row].too_weak) and not self.echoes[row].wins
 
     def note(self, row: int | None) -> str:
         """Return what would let the echo in a row win; without a row, or for the winner, the runner-up."""
-        if row is not None and not self.found[row].wins:
-            return self._would_win(self.found[row], "this echo")
-        best = runner_up(self.found)
+        if row is not None and not self.echoes[row].wins:
+            return self._would_win(self.echoes[row], "this echo")
+        best = runner_up(self.echoes)
         if best is None:
             return "no other echo within 20 dB of the threshold"
         return self._would_win(best, "the runner-up")
@@ -56,7 +56,7 @@ class EchoList:
     @property
     def title(self) -> str:
         """The heading and the number of echoes."""
-        count = len(self.found)
+        count = len(self.echoes)
         return f"{heading_text(float(self.prediction.headings[self.index]))} · {count} echo{'es' * (count != 1)}"
 
     def _would_win(self, echo: RankedEcho, name: str) -> str:
@@ -148,9 +148,9 @@ class EchoListView(QWidget):
 
     def _fill(self, listed: EchoList, shown: Shown) -> None:
         self._filling = True
-        self.table.setRowCount(len(listed.found))
+        self.table.setRowCount(len(listed.echoes))
         faint = QBrush(QColor(shown.look.palette.faint))
-        for row in range(len(listed.found)):
+        for row in range(len(listed.echoes)):
             for column, text in enumerate(listed.cells(row)):
                 item = QTableWidgetItem(text)
                 item.setFlags(Qt.ItemFlag.ItemIsSelectable | Qt.ItemFlag.ItemIsEnabled)
@@ -168,10 +168,10 @@ class EchoListView(QWidget):
 
     @Slot(int, int)
     def _point(self, row: int, *_: int) -> None:
-        if self._filling or self.list is None or not 0 <= row < len(self.list.found):
+        if self._filling or self.list is None or not 0 <= row < len(self.list.echoes):
             return
         self.note.setText(self.list.note(row))
-        self.gestures.path_pointed.emit(self.list.found[row].path)
+        self.gestures.path_pointed.emit(self.list.echoes[row].path)
 
     def _leave(self) -> None:
         """Draw the path of the current row again, if the table has the focus."""

@@ -277,14 +277,14 @@ class Legend(QWidget):
         only if the board states some.
         """
         room, origin, hidden = shown.scene.room is not None, shown.origin, shown.hidden
-        found = shown.found
+        drawing = shown.found_room
         used = {
             self.explained[_NOTE]: bool(shown.notes),
             self.explained[_WALL]: room,
-            self.explained[FOUND]: found is not None,
+            self.explained[FOUND]: drawing is not None,
             **{self.explained[name]: shown.sound is not None for name in SOUND},
             **{
-                self.explained[name]: found is not None and len(getattr(found, part)) > 0
+                self.explained[name]: drawing is not None and len(getattr(drawing, part)) > 0
                 for name, part in SPEAKING.items()
             },
         }

@@ -109,8 +109,8 @@ class _Points(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no type
     @property
     def _bounds(self) -> QRectF:
         if self._extent is None:
-            known = np.isfinite(self._x) & np.isfinite(self._y)
-            x, y = self._x[known], self._y[known]
+            finite = np.isfinite(self._x) & np.isfinite(self._y)
+            x, y = self._x[finite], self._y[finite]
             self._extent = QRectF(QPointF(x.min(), y.min()), QPointF(x.max(), y.max())) if len(x) else QRectF()
         return self._extent
 
@@ -167,13 +167,13 @@ class Spots(_Points):
         """Return how far a symbol reaches from its point, pixels."""
         return float(_DIAGONAL * (self._size + max(self._pen.widthF(), 1.0)))
 
-    def under(self, at: QPointF) -> NDArray[np.intp]:
+    def under(self, place: QPointF) -> NDArray[np.intp]:
         """Return the points whose symbols cover a place, the topmost first."""
         width, height = self.boundingRect().width(), self.boundingRect().height()
         bounds = self._bounds
         half = 0.5 / _DIAGONAL
         across, along = (width - bounds.width()) / 2 * half, (height - bounds.height()) / 2 * half
-        near = (np.abs(self._x - at.x()) < across) & (np.abs(self._y - at.y()) < along)
+        near = (np.abs(self._x - place.x()) < across) & (np.abs(self._y - place.y()) < along)
         return np.flatnonzero(near)[::-1]
 
     def _set(self, x: FloatArray, y: FloatArray) -> None:
@@ -393,17 +393,17 @@ class ReadingMarks:
             self._style_scatters()
         for kind, scatter in self.scatters.items():
             before, (points, positions) = self.placed.get(kind, NO_MARKS), placed.get(kind, NO_MARKS)
-            known = _unchanged_count(before, (points, positions))
-            if known == len(positions) == len(before[1]):
+            unchanged = _unchanged_count(before, (points, positions))
+            if unchanged == len(positions) == len(before[1]):
                 continue
             few = 0 < len(positions) <= _MOST_MARKS
             self._dots[kind].set_positions(NO_POSITIONS if few else positions)
             scatter.setVisible(few)
-            if not few or not known:
+            if not few or not unchanged:
                 scatter.clear()
             if few:  # draw only new points of a growing scan; each added point takes time
-                new = positions[known:]
-                scatter.addPoints(new[:, 0], new[:, 1], points.readings[known:])
+                new = positions[unchanged:]
+                scatter.addPoints(new[:, 0], new[:, 1], points.readings[unchanged:])
         self.placed = placed
 
     def _style_scatters(self) -> None:
@@ -474,10 +474,10 @@ class OverlayMarks:
     def draw(self, points: dict[int, FloatArray]) -> None:
         """Draw the points of each style, (n, 2) in plot coordinates; NaN is not drawn."""
         for style, scatter in enumerate(self.scatters):
-            at = points.get(style, np.empty((0, 2)))
-            at = at[np.isfinite(at).all(axis=1)]
-            scatter.setData(*at.T)
-            scatter.setVisible(len(at) > 0)
+            positions = points.get(style, np.empty((0, 2)))
+            positions = positions[np.isfinite(positions).all(axis=1)]
+            scatter.setData(*positions.T)
+            scatter.setVisible(len(positions) > 0)
 
 
 # The tooltip of a reading: number, heading, measured and predicted range, residual and class.

@@ -62,7 +62,7 @@ class PlanDrawing(base.Canvas):
         self.sound = plan_layers.SoundLayer(self.plot)
         self.proposal = plan_layers.SurfaceLayer(self.plot, z=35, width=4, cross=18)
         self.overlays = OverlayMarks(self.plot)
-        self.found = plan_layers.FoundLayer(self.plot)
+        self.found_room = plan_layers.FoundLayer(self.plot)
         self.gestures = gestures
         self.controller = PlanController(self, gestures)
         self._box.offer_drag = self.controller.drag
@@ -87,7 +87,7 @@ class PlanDrawing(base.Canvas):
             yield lambda new: (new.overlays,), self._draw_overlays
         yield lambda new: (new.scene, new.cursor), self.sensor.draw_cursor
         yield _proposal_parts, self._draw_proposal
-        yield lambda new: (new.found,), lambda new: self.found.draw(new.found)
+        yield lambda new: (new.found_room,), lambda new: self.found_room.draw(new.found_room)
         yield lambda new: (new.sound, new.look), self.sound.draw
         yield lambda new: (*marked_parts(new), new.chosen, new.look), self._draw_arrows
 
@@ -188,9 +188,9 @@ class PlanDrawing(base.Canvas):
 
     def point_at(self, position: QPointF) -> Point:
         """Return the visible plan point, m, nearest to a point in scene coordinates."""
-        at = self._box.mapSceneToView(position)
+        point = self._box.mapSceneToView(position)
         (left, right), (low, high) = self._box.viewRange()
-        return min(max(at.x(), left), right), min(max(at.y(), low), high)
+        return min(max(point.x(), left), right), min(max(point.y(), low), high)
 
     def draw_cursor(self, shape: Qt.CursorShape) -> None:
         """Change the shape of the mouse cursor."""
@@ -223,18 +223,18 @@ class PlanDrawing(base.Canvas):
         index = self.arrows.reading_at(position)
         return base.nearest_reading(self._box, self._marks.placed, position) if index is None else index
 
-    def on_outline(self, at: Point) -> bool:
+    def on_outline(self, point: Point) -> bool:
         """Return whether a point lies on the predicted outline."""
         if not self._predicted or self.shown is None or self.shown.outline is None:
             return False
-        away = np.hypot(*(outline_points(self.shown.outline) - at).T)
+        away = np.hypot(*(outline_points(self.shown.outline) - point).T)
         return bool((away <= _OUTLINE_REACH * self.pixel).any())
 
     def _towards(self, event: MouseClickEvent) -> int | None:
         if self.shown is None:
             return None
-        at = self._box.mapSceneToView(event.scenePos())
-        return base.reading_towards(self.shown, bearing(self.shown.scene.pose.position, (at.x(), at.y())))
+        point = self._box.mapSceneToView(event.scenePos())
+        return base.reading_towards(self.shown, bearing(self.shown.scene.pose.position, (point.x(), point.y())))
 
     def event(self, event: QEvent) -> bool:
         """Let Esc cancel a drag; without a drag, the window handles it."""
@@ -251,7 +251,7 @@ class PlanDrawing(base.Canvas):
         metrics = QFontMetrics(text_font(look, 0.9))
         # wider tick values would change the size of the plan, and with it the visible range
         self.plot.getAxis("left").setWidth(metrics.horizontalAdvance(_WIDEST) + metrics.height() + 8)
-        drawn = self.room, self.sensor, self.path, self.ruler, self.sound, self.proposal, self.found
+        drawn = self.room, self.sensor, self.path, self.ruler, self.sound, self.proposal, self.found_room
         for layer in (*drawn, self.overlays, self._outline, self._marks, self.arrows):
             layer.set_look(look)
 

@@ -156,8 +156,8 @@ class PathLayer(PlotLayer):
     def _lay_out(self) -> None:
         """Place the labels without overlap. Their distance on the screen depends on the zoom."""
         taken = [_sensor_box(self._labels[0].getViewBox(), self._sensor)]
-        for label, (_, at) in zip(self._labels, self._texts, strict=False):
-            _set_beside(label, at, taken)
+        for label, (_, point) in zip(self._labels, self._texts, strict=False):
+            _set_beside(label, point, taken)
 
 
 class RulerLayer(PlotLayer):
@@ -193,16 +193,16 @@ def _posts_path(posts: FloatArray) -> QPainterPath:
     return path
 
 
-def _set_beside(label: pg.TextItem, at: FloatArray, taken: list[QRectF]) -> None:
+def _set_beside(label: pg.TextItem, target: FloatArray, taken: list[QRectF]) -> None:
     """Put a label beside a point, towards the middle of the view and within it, clear of the areas `taken`."""
-    label.setPos(*at)
+    label.setPos(*target)
     box = label.getViewBox()
     if box is None:
         return
     (left, right), (low, high) = box.viewRange()
-    across = (_AFTER, _BEFORE) if at[0] < (left + right) / 2 else (_BEFORE, _AFTER)
-    along = (_ABOVE, _BELOW) if at[1] < (low + high) / 2 else (_BELOW, _ABOVE)
-    point, size = box.mapViewToScene(QPointF(*at)), label.textItem.boundingRect().size()
+    across = (_AFTER, _BEFORE) if target[0] < (left + right) / 2 else (_BEFORE, _AFTER)
+    along = (_ABOVE, _BELOW) if target[1] < (low + high) / 2 else (_BELOW, _ABOVE)
+    point, size = box.mapViewToScene(QPointF(*target)), label.textItem.boundingRect().size()
     beside = [(x, y) for x in across for y in along]
     sides = [(x, y + math.copysign(row, y)) for row in range(_ROWS) for x, y in beside]
     places = [QRectF(QPointF(point.x() - x * size.width(), point.y() - y * size.height()), size) for x, y in sides]
@@ -213,8 +213,8 @@ def _set_beside(label: pg.TextItem, at: FloatArray, taken: list[QRectF]) -> None
     taken.append(places[free])
 
 
-def _sensor_box(box: pg.ViewBox, at: Point) -> QRectF:
-    middle = box.mapViewToScene(QPointF(*at))
+def _sensor_box(box: pg.ViewBox, position: Point) -> QRectF:
+    middle = box.mapViewToScene(QPointF(*position))
     return QRectF(middle.x() - _SENSOR / 2, middle.y() - _SENSOR / 2, _SENSOR, _SENSOR)
 
 
@@ -236,7 +236,7 @@ class EdgeArrow:
 
     reading: int
     kind: Class
-    at: PixelPoint  # of its middle, from the upper left corner of the plot
+    middle: PixelPoint  # of the arrow, from the upper left corner of the plot
     towards: PixelPoint  # unit vector
     distance: float  # m, from the sensor
     heading: float  # rad, from the sensor
@@ -258,7 +258,7 @@ def edge_arrows(
     if not len(outside):
         return []
     origin = (sensor[0] - seen.left()) * scale[0], (seen.bottom() - sensor[1]) * scale[1]
-    at, towards = _at_edge(pixels[outside], np.array(size), np.array(origin))
+    middles, towards = _at_edge(pixels[outside], np.array(size), np.array(origin))
     along = places[outside] - sensor
     away, headings = np.hypot(*along.T), np.arctan2(along[:, 1], along[:, 0])
     order = np.lexsort((away, numbers[outside] != chosen))  # the selected reading first, then the nearest ones
@@ -267,14 +267,14 @@ def edge_arrows(
     for k in order.tolist():
         if taken[k]:
             continue
-        near = ~taken & (np.hypot(*(at - at[k]).T) < _APART)
+        near = ~taken & (np.hypot(*(middles - middles[k]).T) < _APART)
         taken |= near
         index = int(outside[k])
         arrows.append(
             EdgeArrow(
                 int(numbers[index]),
                 kinds[index],
-                tuple(at[k]),
+                tuple(middles[k]),
                 tuple(towards[k]),
                 float(away[k]),
                 float(headings[k]),
@@ -297,19 +297,19 @@ def _at_edge(pixels: FloatArray, size: FloatArray, origin: FloatArray) -> tuple[
     return origin + share[:, None] * along, along / np.hypot(*along.T)[:, None]
 
 
-def _beside(at: PixelPoint, size: QSizeF, whole: QRectF) -> tuple[QRectF, QRectF]:
+def _beside(middle: PixelPoint, size: QSizeF, whole: QRectF) -> tuple[QRectF, QRectF]:
     """Return the areas on both sides of an arrow for a text of this size.
 
     They lie along the edge, in the margin around the room: farther inwards the text would cover walls and readings.
     """
-    (x, y), width, height = at, size.width(), size.height()
+    (x, y), width, height = middle, size.width(), size.height()
     right, below = whole.width() - width - 1, whole.height() - height - 1
-    apart = _ARROW + _GAP
+    distance = _ARROW + _GAP
     if min(x, whole.width() - x) < min(y, whole.height() - y):
         left = 1.0 if x < whole.width() / 2 else right
-        return QRectF(QPointF(left, y + apart), size), QRectF(QPointF(left, y - apart - height), size)
+        return QRectF(QPointF(left, y + distance), size), QRectF(QPointF(left, y - distance - height), size)
     top = 1.0 if y < whole.height() / 2 else below
-    return QRectF(QPointF(x + apart, top), size), QRectF(QPointF(x - apart - width, top), size)
+    return QRectF(QPointF(x + distance, top), size), QRectF(QPointF(x - distance - width, top), size)
 
 
 class EdgeArrows(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no types
@@ -341,8 +341,12 @@ class EdgeArrows(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no t
 
     def reading_at(self, position: QPointF) -> int | None:
         """Return the reading of the arrow at a point in scene coordinates; None if there is none."""
-        at = self.mapFromScene(position)
-        near = [(abs(at.x() - x) + abs(at.y() - y), arrow.reading) for arrow in self.arrows for x, y in (arrow.at,)]
+        point = self.mapFromScene(position)
+        near = [
+            (abs(point.x() - x) + abs(point.y() - y), arrow.reading)
+            for arrow in self.arrows
+            for x, y in (arrow.middle,)
+        ]
         away, reading = min(near, default=(_PICK + 1, None))
         return reading if away <= _PICK else None
 
@@ -350,8 +354,8 @@ class EdgeArrows(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no t
         """Return the text beside an arrow."""
         unit = self._look.unit
         distance = f"{unit.of(arrow.distance):.{max(unit.decimals - 2, 0)}f} {unit.label}"  # short: it covers the plan
-        at = f"{heading_text(arrow.heading)}: " if arrow.reading == self._chosen else ""
-        return f"{at}{distance}" if arrow.count == 1 else f"{at}{distance} ×{arrow.count}"
+        heading = f"{heading_text(arrow.heading)}: " if arrow.reading == self._chosen else ""
+        return f"{heading}{distance}" if arrow.count == 1 else f"{heading}{distance} ×{arrow.count}"
 
     def boundingRect(self) -> QRectF:
         """Return the area of the plot."""
@@ -360,16 +364,18 @@ class EdgeArrows(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no t
     def text_areas(self) -> list[tuple[EdgeArrow, QRectF]]:
         """Return the arrows with a text, and its area. Texts overlap neither texts nor arrows; the first arrow wins."""
         metrics, whole = QFontMetricsF(self._font), self.boundingRect()
-        taken = [QRectF(x - _ARROW, y - _ARROW, 2 * _ARROW, 2 * _ARROW) for x, y in (one.at for one in self.arrows)]
-        found = []
+        taken = [
+            QRectF(x - _ARROW, y - _ARROW, 2 * _ARROW, 2 * _ARROW) for x, y in (arrow.middle for arrow in self.arrows)
+        ]
+        areas = []
         for arrow in self.arrows:
             size = metrics.boundingRect(self.text(arrow)).size() + QSizeF(4, 0)
-            for area in _beside(arrow.at, size, whole):
+            for area in _beside(arrow.middle, size, whole):
                 if whole.contains(area) and not any(map(area.intersects, taken)):
                     taken.append(area)
-                    found.append((arrow, area))
+                    areas.append((arrow, area))
                     break
-        return found
+        return areas
 
     def paint(self, painter: QPainter, *_: object) -> None:
         """Draw the arrows, and the texts that do not overlap; the selected reading comes first."""
@@ -384,7 +390,7 @@ class EdgeArrows(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no t
 
     def _paint_arrow(self, painter: QPainter, arrow: EdgeArrow) -> None:
         colours, along = self._look.palette, QPointF(*arrow.towards)
-        across, tip = QPointF(-along.y(), along.x()) * _HALF_WIDTH, QPointF(*arrow.at) + along * _ARROW
+        across, tip = QPointF(-along.y(), along.x()) * _HALF_WIDTH, QPointF(*arrow.middle) + along * _ARROW
         back = tip - along * 2 * _ARROW
         chosen = arrow.reading == self._chosen
         painter.setPen(QPen(QColor(colours.chosen if chosen else colours.paper), 2.0 if chosen else 1.0))
@@ -443,17 +449,17 @@ class FoundLayer(SurfaceLayer):
         # below the dashes, a strip without the outline, which has their colour
         self.surfaces.setShadowPen(cosmetic_pen(look.palette.paper, width=_CLEARED))
 
-    def draw(self, found: FoundDrawing | None) -> None:
+    def draw(self, drawing: FoundDrawing | None) -> None:
         """Draw the state of a search; None: nothing."""
-        found = found or NOT_FOUND
-        self.draw_surfaces(found.walls, found.posts, found.speaking_for)
-        _set(self.chosen, surface_outlines(found.chosen_walls, found.chosen_posts))
-        _set(self.against, found.against)
-        self._draw_next(found.next_scan, found.walls)
+        drawing = drawing or NOT_FOUND
+        self.draw_surfaces(drawing.walls, drawing.posts, drawing.speaking_for)
+        _set(self.chosen, surface_outlines(drawing.chosen_walls, drawing.chosen_posts))
+        _set(self.against, drawing.against)
+        self._draw_next(drawing.next_scan, drawing.walls)
 
     def _draw_next(self, place: "NextPlace | None", walls: FloatArray) -> None:
-        at = NO_POINTS if place is None else np.array([place.position])
-        _set(self.next_scan, at)
+        points = NO_POINTS if place is None else np.array([place.position])
+        _set(self.next_scan, points)
         self._label.setVisible(place is not None)
         if place is None:
             _set(self.sectors, NO_POINTS)

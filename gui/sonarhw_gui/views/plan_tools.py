@@ -22,10 +22,10 @@ from sonarhw_gui.views.plan_layers import RulerLayer, SensorLayer
 # One-line descriptions of the object under the mouse in the plan: sensor, corner, wall, post or plain point.
 
 
-def text_under_pointer(shown: Shown, grip: edits.Grip | None, at: Point, pixel: float) -> str:
+def text_under_pointer(shown: Shown, grip: edits.Grip | None, point: Point, pixel: float) -> str:
     """Return one line about a point: the part that `grip` would drag, a wall or post, or the position of the point."""
     scene, unit = shown.scene, shown.look.unit
-    place = point_text(at, unit)
+    place = point_text(point, unit)
     if grip is not None and grip.part is edits.GripPart.SENSOR:
         return f"sensor, {pose_text(scene, unit)}; drag to move it"
     if grip is not None and grip.part is edits.GripPart.BEAM:
@@ -35,11 +35,11 @@ def text_under_pointer(shown: Shown, grip: edits.Grip | None, at: Point, pixel: 
     if grip is not None and grip.part is edits.GripPart.CORNER:
         return f"corner, {place}; drag to move it"
     room = scene.room
-    surface = edits.surface_at(room, at, pixel) if room else None
+    surface = edits.surface_at(room, point, pixel) if room else None
     if room is not None and surface is not None:
         return surface_text(room, surface)
     middle = scene.pose.position
-    away = f"{unit.text(math.dist(middle, at))} at {heading_text(edits.bearing(middle, at))} from the sensor"
+    away = f"{unit.text(math.dist(middle, point))} at {heading_text(edits.bearing(middle, point))} from the sensor"
     return f"{place} · {away}"
 
 
@@ -54,9 +54,9 @@ def surface_text(room: Room, surface: int) -> str:
     return f"{room.names[surface]} · {material}, reflectance {upto}{math.sqrt(power):.2f}{scatters}{loss}"
 
 
-def point_text(at: Point, unit: LengthUnit) -> str:
+def point_text(point: Point, unit: LengthUnit) -> str:
     """Return the coordinates of a point in `unit`."""
-    return f"x {unit.text(at[0])}, y {unit.text(at[1])}"
+    return f"x {unit.text(point[0])}, y {unit.text(point[1])}"
 
 
 def pose_text(scene: Scene, unit: LengthUnit) -> str:
@@ -89,7 +89,7 @@ class Tool:
         """The identity of the current drag's edits; None if the tool does not edit."""
         return None
 
-    def press(self, at: Point) -> bool:
+    def press(self, point: Point) -> bool:
         """Begin a drag; return whether the tool uses it. If not, the drag pans the plan."""
         return False
 
@@ -104,11 +104,11 @@ class Tool:
     def pause(self) -> None:
         """Remove what is drawn before the second click: the mouse has left the plan."""
 
-    def click(self, at: Point) -> bool:
+    def click(self, point: Point) -> bool:
         """Use a click; return whether the tool uses clicks."""
         return False
 
-    def grip(self, at: Point) -> edits.Grip | None:
+    def grip(self, point: Point) -> edits.Grip | None:
         """Return the part that a drag from there would move."""
         return None
 
@@ -128,14 +128,14 @@ class Hand(Tool):
         """The part being dragged, with the scene when the drag began."""
         return self._held
 
-    def grip(self, at: Point) -> edits.Grip | None:
+    def grip(self, point: Point) -> edits.Grip | None:
         """Return the sensor or the beam, if it is there."""
         context = self._context
-        return edits.sensor_grip(context.scene, context.handle_at, at, context.pixel)
+        return edits.sensor_grip(context.scene, context.handle_at, point, context.pixel)
 
-    def press(self, at: Point) -> bool:
+    def press(self, point: Point) -> bool:
         """Begin to drag the part that is there."""
-        grip = self.grip(at)
+        grip = self.grip(point)
         self._held = None if grip is None else (grip, self._context.scene)
         return grip is not None
 
@@ -147,7 +147,7 @@ class Hand(Tool):
                 self._context.ask(to)  # the beam of a question turns without the turntable
                 return
             if grip.part is edits.GripPart.CORNER:
-                to = snapped(self._context, to, ignored=grip.at, scene=before)
+                to = snapped(self._context, to, ignored=grip.point, scene=before)
             if self._context.change(lambda scene: edits.dragged(scene, grip, to), before, self._held):
                 self._context.show_message(self._where(grip, to))
 
@@ -166,9 +166,9 @@ class Asker(Tool):
     shape = Qt.CursorShape.CrossCursor
     asks = True
 
-    def press(self, at: Point) -> bool:
+    def press(self, point: Point) -> bool:
         """Ask the heading of this point."""
-        self._context.ask(at)
+        self._context.ask(point)
         return True
 
     def drag(self, to: Point) -> None:
@@ -183,15 +183,15 @@ class Pencil(Hand):
     tip = "Drag corners, walls, posts or rims. Click to select, Del to remove, double-click a wall to add a corner"
     can_edit = True
 
-    def grip(self, at: Point) -> edits.Grip | None:
+    def grip(self, point: Point) -> edits.Grip | None:
         """Return the sensor or beam, or else the part of the room that is there."""
         scene = self._context.scene
-        over = super().grip(at)
-        return over or (edits.room_grip(scene.room, at, self._context.pixel) if scene.room else None)
+        over = super().grip(point)
+        return over or (edits.room_grip(scene.room, point, self._context.pixel) if scene.room else None)
 
-    def press(self, at: Point) -> bool:
+    def press(self, point: Point) -> bool:
         """Begin to drag the part that is there, and select its wall or post."""
-        taken = super().press(at)
+        taken = super().press(point)
         room, surface = self._context.scene.room, self._held[0].surface if self._held else None
         if room is not None and surface is not None:
             self._context.choose_surface(room.names[surface])
@@ -205,9 +205,9 @@ class Ruler(Tool):
     tip = "Drag from one point to another to measure distance and angle. Ends snap to corners and to the sensor"
     shape = Qt.CursorShape.CrossCursor
 
-    def press(self, at: Point) -> bool:
+    def press(self, point: Point) -> bool:
         """Set the first end."""
-        self._start = snapped(self._context, at)
+        self._start = snapped(self._context, point)
         return True
 
     def drag(self, to: Point) -> None:
@@ -247,19 +247,19 @@ class WallPencil(Tool):
         """Whether the second end is not set yet."""
         return self._waiting
 
-    def click(self, at: Point) -> bool:
+    def click(self, point: Point) -> bool:
         """Set the first point, or the second one, which a chain goes on from; a click on the same point ends it."""
         if self._waiting and self._context.scene is self._expected:
-            if math.dist(self._start, snapped(self._context, at, scene=self._before)) < _SHORTEST:
+            if math.dist(self._start, snapped(self._context, point, scene=self._before)) < _SHORTEST:
                 self.pause()
                 self._waiting = False
                 return True
-            self.drag(at)
+            self.drag(point)
             if not self.chains or self._end is None:
                 self._waiting = False
                 return True
-            at = self._end
-        self.press(at)
+            point = self._end
+        self.press(point)
         self._waiting = True
         self._context.show_message("click again for the other end, or press Esc")
         return True
@@ -269,10 +269,10 @@ class WallPencil(Tool):
         self._expected, self._end = self._before, None
         self._context.drop(self._gesture)
 
-    def press(self, at: Point) -> bool:
+    def press(self, point: Point) -> bool:
         """Set the first point."""
         self._waiting, self._end = False, None
-        self._before, self._start, self._gesture = self._context.scene, snapped(self._context, at), object()
+        self._before, self._start, self._gesture = self._context.scene, snapped(self._context, point), object()
         self._expected = self._before
         return True
 
@@ -314,12 +314,12 @@ class PostPencil(WallPencil):
 TOOLS = (Hand, Asker, Ruler, Pencil, WallPencil, PostPencil)
 
 
-def snapped(context: "PlanController", at: Point, ignored: Point | None = None, scene: Scene | None = None) -> Point:
+def snapped(context: "PlanController", place: Point, ignored: Point | None = None, scene: Scene | None = None) -> Point:
     """Return the corner or sensor near a point, or else the point rounded to 1 mm. `ignored`: a corner to skip."""
     scene = scene or context.scene
-    known = [*corners(scene.room), scene.pose.position] if scene.room else [scene.pose.position]
-    near = [point for point in known if point != ignored and math.dist(point, at) <= _SNAP * context.pixel]
-    return min(near, key=lambda point: math.dist(point, at)) if near else edits.on_grid(at)
+    targets = [*corners(scene.room), scene.pose.position] if scene.room else [scene.pose.position]
+    near = [point for point in targets if point != ignored and math.dist(point, place) <= _SNAP * context.pixel]
+    return min(near, key=lambda point: math.dist(point, place)) if near else edits.on_grid(place)
 
 
 def ruler_text(start: Point, end: Point, unit: LengthUnit) -> str:
@@ -372,7 +372,7 @@ class DrawingContext(Protocol):
     def pick(self, event: MouseClickEvent) -> bool:
         """Select the reading under a click; return whether there is one."""
 
-    def on_outline(self, at: Point) -> bool:
+    def on_outline(self, point: Point) -> bool:
         """Return whether a point lies on the predicted outline."""
 
 
@@ -443,9 +443,9 @@ class PlanController:
         """Draw the ruler."""
         self._drawing.ruler.draw(start, end, text)
 
-    def ask(self, at: Point) -> None:
+    def ask(self, point: Point) -> None:
         """Explain the heading from the sensor to a point."""
-        self._gestures.asked.emit(edits.bearing(self.scene.pose.position, at))
+        self._gestures.asked.emit(edits.bearing(self.scene.pose.position, point))
 
     def show_message(self, text: str) -> None:
         """Show one line of text beside the tools."""
@@ -534,16 +534,16 @@ class PlanController:
         """Select a surface with a tool that edits; otherwise select a reading, or ask the heading of the outline."""
         if self._drawing.shown is None:
             return
-        room, at = self.scene.room, self._drawing.point_at(event.scenePos())
+        room, point = self.scene.room, self._drawing.point_at(event.scenePos())
         if room is None or not self.tool.can_edit:
-            if self.tool.asks or (not self._drawing.pick(event) and self._drawing.on_outline(at)):
-                self.ask(at)
+            if self.tool.asks or (not self._drawing.pick(event) and self._drawing.on_outline(point)):
+                self.ask(point)
             return
-        if self.tool.click(at):
+        if self.tool.click(point):
             return
-        surface = edits.surface_at(room, at, self.pixel)
+        surface = edits.surface_at(room, point, self.pixel)
         if event.double() and surface is not None and surface < len(room.walls):
-            self.change(lambda scene: edits.with_corner(scene, surface, at), self.scene, None)
+            self.change(lambda scene: edits.with_corner(scene, surface, point), self.scene, None)
         else:
             self.choose_surface(None if surface is None else room.names[surface])
 
@@ -557,16 +557,16 @@ class PlanController:
         if not self._drawing.contains(position):
             self._leave()
             return
-        at = self._drawing.point_at(position)
+        point = self._drawing.point_at(position)
         if self.tool.waiting:
-            self.tool.drag(at)
+            self.tool.drag(point)
             return
-        grip = self.tool.grip(at)
+        grip = self.tool.grip(point)
         shape = self.tool.shape if grip is None else _GRIPPED.get(grip.part, Qt.CursorShape.SizeAllCursor)
         self._drawing.draw_cursor(shape)
-        self.show_message(text_under_pointer(self.shown, grip, at, self.pixel))
+        self.show_message(text_under_pointer(self.shown, grip, point, self.pixel))
         middle = self.shown.scene.pose.position
-        self._gestures.pointed.emit(Cursor(edits.bearing(middle, at) % math.tau, math.dist(middle, at)))
+        self._gestures.pointed.emit(Cursor(edits.bearing(middle, point) % math.tau, math.dist(middle, point)))
 
     def _leave(self) -> None:
         if self.tool.waiting:

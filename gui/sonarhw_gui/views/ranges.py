@@ -273,9 +273,9 @@ class RangeView(base.Canvas):
         """Link the cursor of all views; over the residuals, use the range of the nearest reading."""
         for plot in (self.ranges, self.residuals):
             if place is not None and self._shown is not None and plot.vb.sceneBoundingRect().contains(place):
-                at = plot.vb.mapSceneToView(place)
-                far = at.y() if plot is self.ranges else self._range_near(at.x())
-                self.gestures.pointed.emit(Cursor(math.radians(at.x()), max(far, 0.0)))
+                point = plot.vb.mapSceneToView(place)
+                far = point.y() if plot is self.ranges else self._range_near(point.x())
+                self.gestures.pointed.emit(Cursor(math.radians(point.x()), max(far, 0.0)))
                 return
         self.gestures.pointed.emit(None)
 

@@ -65,8 +65,8 @@ def heights_of(trace: ChosenTrace, rf: bool) -> Heights:
 
 def _loudest(sound: TraceCurves, after: float) -> float:
     levels = sound.envelope.values[sound.envelope.times >= after]
-    known = levels[np.isfinite(levels)]
-    return float(10 ** (known.max() / 20)) if len(known) else 0.0
+    finite = levels[np.isfinite(levels)]
+    return float(10 ** (finite.max() / 20)) if len(finite) else 0.0
 
 
 def signal_curve(sound: TraceCurves) -> Curve:
@@ -382,12 +382,12 @@ class EchoNames:
         """Place the name in the first row with room, right or left of its stem, and add it to `rows`."""
         left, right = self._view.viewRange()[0]
         whole = self._view.width()
-        at = (echo.time - left) * whole / (right - left)
-        if not 0 <= at <= whole:
+        stem = (echo.time - left) * whole / (right - left)
+        if not 0 <= stem <= whole:
             return None
         for text in (shortened(echo.via, _LONGEST_REPORTED if echo.first else _LONGEST), shortened(echo.via, _LONGEST)):
             width = self._metrics.horizontalAdvance(text) + _GAP
-            for leftward, begin in ((False, at), (True, at - width)):
+            for leftward, begin in ((False, stem), (True, stem - width)):
                 end = begin + width
                 row = next((k for k in range(self._rows) if all(end <= b or begin >= e for b, e in rows[k])), None)
                 if begin >= 0 and end <= whole and row is not None:
@@ -405,9 +405,9 @@ class EchoNames:
 
     def _tip(self, echo: NamedEcho) -> str:
         state = "reported" if echo.first else "detected later" if echo.detectable else "within blanking"
-        at = f"{self._look.unit.text(echo.range)}, {echo.time * 1e3:.2f} ms"
+        place = f"{self._look.unit.text(echo.range)}, {echo.time * 1e3:.2f} ms"
         level = f"{echo.level_db:.1f} dB" + (", sum of all arrivals within one wavelength" if echo.summed else "")
-        return f"{echo.via}\n{at}, {state}\n{level}"
+        return f"{echo.via}\n{place}, {state}\n{level}"
 
 
 def shortened(via: str, longest: int) -> str:

@@ -256,7 +256,9 @@ class Commands:
         self._menus = {
             menu: [view for entry in entries for view in _with_views(entry, views)] for menu, entries in _MENUS.items()
         }
-        self._commands = [one for entries in self._menus.values() for one in entries if isinstance(one, WindowCommand)]
+        self._commands = [
+            command for entries in self._menus.values() for command in entries if isinstance(command, WindowCommand)
+        ]
         self._groups: dict[str, QActionGroup] = {}
         self.actions = {command.name: self._action(command) for command in self._commands}
         self.stop.setShortcutContext(Qt.ShortcutContext.ApplicationShortcut)  # from a dialog in front, too

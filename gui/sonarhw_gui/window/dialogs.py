@@ -80,8 +80,8 @@ class CommandPalette(QtWidgets.QDialog):
     def _filter(self, text: str) -> None:
         self.list.clear()
         words = text.casefold().split()
-        found = [one for one in self._actions.items() if _has(f"{one[0]} {one[1].toolTip()}", words)]
-        for name, action in sorted(found, key=lambda one: not _has(one[0], words)):
+        listed = [command for command in self._actions.items() if _has(f"{command[0]} {command[1].toolTip()}", words)]
+        for name, action in sorted(listed, key=lambda command: not _has(command[0], words)):
             item = QtWidgets.QListWidgetItem(f"{name}    {action.shortcut().toString()}".rstrip())
             item.setData(Qt.ItemDataRole.UserRole, name)
             self.list.addItem(item)
@@ -403,8 +403,8 @@ class RecordingsDialog(QtWidgets.QDialog):
 
     def _chosen(self) -> str:
         """Return the path of the selected visible row; empty without one."""
-        found = [item for item in self.table.selectedItems() if not self.table.isRowHidden(item.row())]
-        return str(found[0].data(_PATH)) if found else ""
+        visible = [item for item in self.table.selectedItems() if not self.table.isRowHidden(item.row())]
+        return str(visible[0].data(_PATH)) if visible else ""
 
     @Slot()
     def _update_button(self) -> None:

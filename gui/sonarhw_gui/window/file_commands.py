@@ -158,7 +158,7 @@ def _paths(dropped: QMimeData) -> list[Path]:
 _FILTERS = {
     files.PNG: "Picture (*.png)",
     files.SVG: "Vector graphics (*.svg)",
-    **{known.suffix: f"{known.title} (*{known.suffix})" for known in FORMATS},
+    **{format_.suffix: f"{format_.title} (*{format_.suffix})" for format_ in FORMATS},
     files.JSON: "Summary of the comparison (*.json)",
     files.HTML: "Report (*.html)",
     ".gif": "Animation (*.gif)",

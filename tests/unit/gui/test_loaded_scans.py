@@ -48,5 +48,5 @@ def test_readings_of_the_own_body_are_left_out_so_that_evidence_belongs_to_the_r
 def test_a_scan_with_a_known_place_comes_first() -> None:
     shown = Shown(NOWHERE, readings=sweep(0), overlays=(overlaid("k", sweep(1), KNOWN),))
     scans = loaded_scans(shown, "shown")
-    assert [(scan.name, scan.known) for scan in scans] == [("k", True), ("shown", False)]
+    assert [(scan.name, scan.has_place) for scan in scans] == [("k", True), ("shown", False)]
     assert scans[0].place is KNOWN.place

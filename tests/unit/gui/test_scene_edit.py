@@ -129,7 +129,7 @@ def test_the_sensor_cannot_be_inside_a_post(crowded: Scene) -> None:
     post = Grip(GripPart.POST, (0.4, 0.4), crowded.room.names.index("post 1"))
     with pytest.raises(InputError, match="cannot be inside post 1"):
         dragged(beside, post, (0.58, 0.4))
-    rim = replace(post, part=GripPart.RIM, at=(0.5, 0.4))
+    rim = replace(post, part=GripPart.RIM, point=(0.5, 0.4))
     smaller, label = dragged(beside, rim, (0.45, 0.4))
     assert smaller.room.posts[0, 2] == pytest.approx(0.05)
     assert label == "resizing post 1"

@@ -60,7 +60,7 @@ def test_a_cause_is_shown_tried_and_undone(qtbot: QtBot, window: MainWindow) -> 
 
     click_row(qtbot, window, 0)
     until(qtbot, lambda: session.shown.proposal is not None and len(plan.proposal.rings.getData()[0]) > 0)
-    cause = session.causes.state.answer.found.causes[0]
+    cause = session.causes.state.answer.result.causes[0]
     rows = session.shown.rows
     misfits = [row for row in cause.readings if CLASSES[rows.classes[row]] is not Kind.MATCH]
     assert session.shown.chosen == misfits[0]

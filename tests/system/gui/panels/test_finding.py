@@ -129,24 +129,24 @@ def away(points: np.ndarray, wall: tuple[tuple[float, float], tuple[float, float
 
 def drawn_walls(window: MainWindow) -> list[np.ndarray]:
     """Return both ends of each wall drawn in the plan, (2, 2) m."""
-    points = np.column_stack(window.views.plan.drawing.found.surfaces.getData())
+    points = np.column_stack(window.views.plan.drawing.found_room.surfaces.getData())
     lines = np.split(points, np.flatnonzero(np.isnan(points[:, 0])) + 1)
     return [line[:2] for line in lines if len(line) == 3]  # longer ones are posts
 
 
 def is_highlighted(window: MainWindow, ends: np.ndarray) -> bool:
     """Return whether the wall with these ends, (2, 2) m, is the highlighted one."""
-    points = np.column_stack(window.views.plan.drawing.found.chosen.getData())
+    points = np.column_stack(window.views.plan.drawing.found_room.chosen.getData())
     return len(points) == 3 and np.allclose(points[:2], ends)
 
 
 def rings(window: MainWindow) -> np.ndarray:
     """Return the points with rings in the plan, (n, 2) m."""
-    return np.column_stack(window.views.plan.drawing.found.rings.getData())
+    return np.column_stack(window.views.plan.drawing.found_room.rings.getData())
 
 
 def test_walls_appear_and_each_shows_its_readings(qtbot: QtBot, window: MainWindow) -> None:
-    panel, plan = window.finding, window.views.plan.drawing.found
+    panel, plan = window.finding, window.views.plan.drawing.found_room
     qtbot.mouseClick(panel.begin, LEFT)
     assert panel.progress.isVisible()
     assert not panel.begin.isEnabled()
@@ -200,7 +200,7 @@ def test_walls_appear_and_each_shows_its_readings(qtbot: QtBot, window: MainWind
 def test_the_best_place_so_far_is_shown_while_others_are_tried(
     qtbot: QtBot, window: MainWindow, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    panel, plan, finding = window.finding, window.views.plan.drawing.found, window.session.finding
+    panel, plan, finding = window.finding, window.views.plan.drawing.found_room, window.session.finding
     find(qtbot, window)
     tried, held = itertools.count(), threading.Event()
     predict = outcome.predict_scan
@@ -257,7 +257,7 @@ def test_a_rejected_wall_is_not_found_again(qtbot: QtBot, window: MainWindow) ->
     assert not panel.plan.isEnabled()  # the result is not whole
     qtbot.mouseClick(panel.go_on, LEFT)
     until(qtbot, lambda: not window.session.finding.state.running)
-    until(qtbot, lambda: window.session.shown.found is not None and len(drawn_walls(window)) >= 1)
+    until(qtbot, lambda: window.session.shown.found_room is not None and len(drawn_walls(window)) >= 1)
     assert any(away(ends, NORTH).max() < 0.05 for ends in drawn_walls(window))
     assert not any(away(ends, EAST).max() < 0.05 for ends in drawn_walls(window))
 
@@ -408,7 +408,7 @@ def test_possible_poses_and_scans_left_out_are_stated(
         Pose(at, math.radians(turn), 0.0, share, (0.01,) * 3)
         for at, turn, share in (((1.3, 0.5), 0.0, 0.64), ((0.7, 1.1), 180.0, 0.36))
     )
-    found = replace(known[0], found=replace(known[0].found, poses={"b": several}, left_out=("c",)))
+    found = replace(known[0], result=replace(known[0].result, poses={"b": several}, left_out=("c",)))
     monkeypatch.setattr(window.session.finding, "_function", lambda *_: found)
     find(qtbot, window)
     assert window.finding.poses.isVisible()
@@ -422,5 +422,5 @@ def test_possible_poses_and_scans_left_out_are_stated(
 def between(states: list[FindState]) -> np.ndarray:
     """Return the way from the first place of a found room to the second, (2,) m."""
     assert states[-1].answer is not None
-    first, second = (place.position for place in states[-1].answer.found.draft.places)
+    first, second = (place.position for place in states[-1].answer.result.draft.places)
     return np.subtract(second, first)

@@ -61,7 +61,7 @@ def test_every_reading_outside_has_an_arrow_with_its_distance(window: MainWindow
     assert sum(arrow.count for arrow in arrows) == len(outside(window))
     x, y = window.session.shown.scene.pose.position
     for arrow in arrows:
-        assert plan.arrows.boundingRect().contains(QPointF(*arrow.at))
+        assert plan.arrows.boundingRect().contains(QPointF(*arrow.middle))
         assert arrow.distance == pytest.approx(math.dist((x, y), position_of(plan._marks, arrow.reading)))
         assert f"{arrow.distance:.1f} m" in plan.arrows.text(arrow)
 
@@ -71,7 +71,7 @@ def test_the_arrow_of_the_selected_reading_lies_on_the_beam(window: MainWindow) 
     for chosen in sorted(outside(window)):
         window.session.showing.choose(chosen)
         arrow = next(arrow for arrow in plan.arrows.arrows if arrow.reading == chosen)
-        at = plan.plot.vb.mapToView(QPointF(*arrow.at))
+        at = plan.plot.vb.mapToView(QPointF(*arrow.middle))
         x, y = window.session.shown.scene.pose.position
         off = math.atan2(at.y() - y, at.x() - x) - window.session.shown.heading(chosen)
         assert math.remainder(off, math.tau) == pytest.approx(0, abs=math.radians(1))
@@ -93,7 +93,7 @@ def test_a_click_on_an_arrow_selects_its_reading(qtbot: QtBot, window: MainWindo
     plan = plan_of(window)
     window.session.showing.choose(0)
     arrow = next(arrow for arrow in plan.arrows.arrows if arrow.reading != 0)
-    at = plan.mapFromScene(plan.arrows.mapToScene(QPointF(*arrow.at)))
+    at = plan.mapFromScene(plan.arrows.mapToScene(QPointF(*arrow.middle)))
     qtbot.mouseMove(plan.viewport(), at)
     qtbot.mouseClick(plan.viewport(), Qt.MouseButton.LeftButton, pos=at)
     until(qtbot, lambda: window.session.shown.chosen == arrow.reading)
@@ -118,7 +118,7 @@ def test_readings_close_together_share_an_arrow_and_the_selected_one_comes_first
     assert sum(arrow.count for arrow in arrows) > len(arrows)
     assert arrows[0].reading == chosen
     for arrow in arrows:
-        assert all(math.dist(arrow.at, other.at) >= 50 for other in arrows if other is not arrow)
+        assert all(math.dist(arrow.middle, other.middle) >= 50 for other in arrows if other is not arrow)
 
 
 def test_bounces_have_a_number_in_the_plan_and_wall_and_loss_beside_the_sentence(window: MainWindow) -> None:
@@ -165,7 +165,7 @@ def test_arrows_stay_inside_a_resized_plan(qtbot: QtBot, window: MainWindow) -> 
     qtbot.wait(50)
     area = plan_of(window).arrows.boundingRect()
     assert plan_of(window).arrows.arrows
-    assert all(area.contains(QPoint(*map(round, arrow.at)).toPointF()) for arrow in plan_of(window).arrows.arrows)
+    assert all(area.contains(QPoint(*map(round, arrow.middle)).toPointF()) for arrow in plan_of(window).arrows.arrows)
 
 
 def test_texts_of_arrows_cover_neither_the_room_nor_each_other(qtbot: QtBot, window: MainWindow) -> None:
