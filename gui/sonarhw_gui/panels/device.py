@@ -4,12 +4,13 @@ import math
 from dataclasses import replace
 
 from PySide6 import QtWidgets
-from PySide6.QtCore import QSignalBlocker, Qt, Signal, Slot
+from PySide6.QtCore import QSignalBlocker, Qt, Slot
 from PySide6.QtGui import QAction
 
 from sonarhw.readings import ScanOrder
 from sonarhw_gui.model.look import Look
 from sonarhw_gui.model.shown import Shown
+from sonarhw_gui.session.scanner import Live
 from sonarhw_gui.session.status import (
     Status,
     angle_text,
@@ -31,21 +32,17 @@ _LONGEST = 30.0  # m
 class DevicePanel(QtWidgets.QWidget):
     """Shows the state of the scanner and controls it."""
 
-    connect_requested = Signal()
-    disconnect_requested = Signal()
-    turn_requested = Signal(float)  # rad from the turntable's zero
-    settings_changed = Signal(object)  # ScanSettings
-
-    def __init__(self, commands: Commands) -> None:
+    def __init__(self, commands: Commands, live: Live) -> None:
         super().__init__()
+        self._live = live
         self._status = Status()
         self._look = Look()
         self.state, self.hint, self.identity = PlainLabel(), PlainLabel(wordWrap=True), PlainLabel(wordWrap=True)
         self.temperature, self.angle, self.summary = PlainLabel(), PlainLabel(), PlainLabel(wordWrap=True)
         tip = "Connect and read the scanner's identity; the turntable does not move"
-        self.connect_button = button("Connect", tip, self.connect_requested)
+        self.connect_button = button("Connect", tip, live.connect)
         tip = "Stop and release the port for other programs"
-        self.disconnect_button = button("Disconnect", tip, self.disconnect_requested)
+        self.disconnect_button = button("Disconnect", tip, live.disconnect)
         self.identity.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         self.target = _degrees(0.0, "Target angle of the turntable; press Enter to turn")
         self.turn = button("Turn", "Turn to this angle; home first if the zero is unknown", self._turn)
@@ -151,7 +148,7 @@ class DevicePanel(QtWidgets.QWidget):
 
     @Slot()
     def _turn(self) -> None:
-        self.turn_requested.emit(math.radians(self.target.value()))
+        self._live.turn(math.radians(self.target.value()))
 
     @Slot()
     def _send_settings(self) -> None:
@@ -159,9 +156,8 @@ class DevicePanel(QtWidgets.QWidget):
         if scan_settings is not None and order is not None:
             limit = self.max_range.value()
             max_range = None if limit == self.max_range.minimum() else self._look.unit.metres(limit)
-            self.settings_changed.emit(
-                replace(scan_settings, order=order, traces=self.traces.isChecked(), max_range=max_range)
-            )
+            traces = self.traces.isChecked()
+            self._live.settings = replace(scan_settings, order=order, traces=traces, max_range=max_range)
 
     # display
 

@@ -87,6 +87,11 @@ class SearchPanel(QtWidgets.QWidget):
 
     def _show_changes(self, before: Any) -> None:
         """Show the state of the search, which was `before`."""
+        if (self._state.answer, self._state.running) != (before.answer, before.running):
+            self._draw()
+
+    def _draw(self) -> None:
+        """Show the answer of the search."""
         raise NotImplementedError
 
     def _allow(self, ready: bool, needs: str, possible: bool = True) -> None:
@@ -152,8 +157,7 @@ class FitPanel(SearchPanel):
 
     def _show_changes(self, before: searches.SearchState) -> None:
         self.progress.setFormat(f"{self._state.step}  %p %")
-        if (self._state.answer, self._state.running) != (before.answer, before.running):
-            self._draw()
+        super()._show_changes(before)
 
     @Slot()
     def _begin(self) -> None:
@@ -223,10 +227,6 @@ class CausesPanel(SearchPanel):
     def show_state(self, shown: Shown) -> None:
         """Draw the changes since the last call."""
         self._enable()
-
-    def _show_changes(self, before: searches.SearchState) -> None:
-        if (self._state.answer, self._state.running) != (before.answer, before.running):
-            self._draw()
 
     def _draw(self) -> None:
         answer: searches.CausesAnswer | None = self._state.answer

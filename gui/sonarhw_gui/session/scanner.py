@@ -459,7 +459,7 @@ class Live:
         self, target: ScannerTarget | None, settings: ScanSettings, notices: Notices, arrived: Callable[[], None]
     ) -> None:
         """`arrived` is called after each reading, in the thread of the scanner."""
-        self.target, self.settings = target, settings
+        self.target, self.settings = target, settings  # of the next scan
         self.scene: Scene | None = None  # at the start of the last scan
         self.readings: tuple[Reading, ...] = ()
         self.meter = RateMeter()
@@ -532,10 +532,6 @@ class Live:
         self.disconnect()
         self._has_own_readings = False
         self.target = target
-
-    def set_settings(self, settings: ScanSettings) -> None:
-        """Set the settings of the next scan."""
-        self.settings = settings
 
     def connect(self) -> None:
         """Connect to the scanner."""

@@ -150,8 +150,8 @@ class WindowSession(QObject):
         self.jobs.failed.connect(self.notices.fail)
         for part in (self.fitting, self.causes, self.scans):
             part.failed.connect(self.notices.fail)
-        self.finding.failed.connect(self._fail_search)
-        self.finding.settled.connect(self._settle_search)
+        self.finding.failed.connect(partial(self.notices.fail, until="search changed"))
+        self.finding.settled.connect(partial(self.notices.end, "search changed"))
         self.replay_changed.connect(self._follow_replay)
         self.showing.edited.connect(self._follow_edit)
         self.showing.changed.connect(self.sound.follow)
@@ -456,14 +456,6 @@ class WindowSession(QObject):
         else:
             self.notices.fail(f"{why}. The replay is paused; readings are shown without traces")
             self.replay.drop_traces()
-
-    @Slot(str)
-    def _fail_search(self, message: str) -> None:
-        self.notices.fail(message, "search changed")
-
-    @Slot()
-    def _settle_search(self) -> None:
-        self.notices.end("search changed")
 
     def _take_opened(self, take: Callable[[Any], None], opened: files.Opened) -> None:
         if opened.path is not None:

@@ -309,50 +309,33 @@ class Outline(PlotLine):
         self._points.setData(*positions[~np.isnan(positions).any(axis=1)].T)
 
 
-class Dots(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no types
-    """Tens of thousands of points, drawn in one call."""
+class Dots(_Points):
+    """Tens of thousands of points, drawn in one call. The width of the pen is the size of a dot."""
 
     def __init__(self) -> None:
-        super().__init__()
-        self._pen = pg.mkPen(None)
-        self._polygon = QPolygonF()
-        self._bounds = QRectF()
-        self.setVisible(False)
+        super().__init__(None, None)
+        self._polygon: QPolygonF | None = None  # None until it is painted
 
-    def set_pen(self, pen: QPen) -> None:
-        """Set the pen; its width is the size of a dot."""
+    def setPen(self, pen: QPen) -> None:
+        """Draw dots with another pen."""
         pen.setCapStyle(Qt.PenCapStyle.FlatCap)  # seven times as fast as round caps
-        self._pen = pen
-        self.update()
-
-    def set_positions(self, positions: FloatArray) -> None:
-        """Draw dots at `positions`, (n, 2) float."""
-        self.setVisible(len(positions) > 0)  # an empty item still takes time at every repaint
-        if not len(positions) and self._polygon.isEmpty():
-            return
-        self.prepareGeometryChange()
-        self._polygon = (
-            pg.functions.arrayToQPolygonF(*np.ascontiguousarray(positions.T)) if len(positions) else QPolygonF()
-        )
-        self._bounds = self._polygon.boundingRect()
-        self.update()
-
-    def boundingRect(self) -> QRectF:
-        """Return the area of the dots."""
-        return self._bounds
-
-    def dataBounds(self, axis: int, frac: float = 1.0, orthoRange: object = None) -> tuple[float, float] | None:
-        """Return their extent along an axis, for automatic zoom."""
-        if self._polygon.isEmpty():
-            return None
-        along_x = (self._bounds.left(), self._bounds.right())
-        return along_x if axis == 0 else (self._bounds.top(), self._bounds.bottom())
+        super().setPen(pen)
 
     def paint(self, painter: QPainter, *_: object) -> None:
         """Draw the dots."""
+        if self._polygon is None:
+            self._polygon = pg.functions.arrayToQPolygonF(self._x, self._y)
         painter.setRenderHint(QPainter.RenderHint.Antialiasing, False)
         painter.setPen(self._pen)
         painter.drawPoints(self._polygon)
+
+    def pixelPadding(self) -> float:
+        """Return 0: the automatic zoom neglects the size of a dot."""
+        return 0.0
+
+    def _set(self, x: FloatArray, y: FloatArray) -> None:
+        self._polygon = None
+        super()._set(x, y)
 
 
 class ReadingMarks:
@@ -380,7 +363,7 @@ class ReadingMarks:
         self._colours = colours = look.palette
         self._style_scatters()
         for kind, dots in self._dots.items():
-            dots.set_pen(cosmetic_pen(colours.of(kind), width=_DOT))
+            dots.setPen(cosmetic_pen(colours.of(kind), width=_DOT))
         self._ring.setPen(cosmetic_pen(colours.chosen, width=2))
         self.notes.setPen(cosmetic_pen(colours.note_ink))
         self.notes.setBrush(colours.note_paper)
@@ -397,7 +380,7 @@ class ReadingMarks:
             if unchanged == len(positions) == len(before[1]):
                 continue
             few = 0 < len(positions) <= _MOST_MARKS
-            self._dots[kind].set_positions(NO_POSITIONS if few else positions)
+            self._dots[kind].setData(*(NO_POSITIONS if few else positions).T)
             scatter.setVisible(few)
             if not few or not unchanged:
                 scatter.clear()

@@ -158,7 +158,11 @@ class MainWindow(TabbedWindow):
         self.commands = Commands(self, [view.entry for view in self.views.all])
         self.files, self.saving = FileCommands(session, self), SaveCommands(session, self, self.views)
         self.layouts, self.slots = LayoutMenu(self, self.views), CommandSlots(session, self.saving.image, self)
-        self.device, self.room, self.fit_panel = DevicePanel(self.commands), RoomPanel(), FitPanel(session)
+        self.device, self.room, self.fit_panel = (
+            DevicePanel(self.commands, session.live),
+            RoomPanel(),
+            FitPanel(session),
+        )
         self.causes, self.finding = CausesPanel(session), FindPanel(session)
         self.scans = ScansPanel(session, self.files.add_scan)
         self.banner, self.legend, self.sentence = Banner(session.notices), Legend(), Sentence()
@@ -235,13 +239,8 @@ class MainWindow(TabbedWindow):
             signal.connect(slot)
 
     def _panel_connections(self) -> tuple[_Connection, ...]:
-        session = self.session
-        device, room = self.device, self.room
+        session, room = self.session, self.room
         return (
-            (device.connect_requested, session.live.connect),
-            (device.disconnect_requested, session.live.disconnect),
-            (device.turn_requested, session.live.turn),
-            (device.settings_changed, session.live.set_settings),
             (room.edited, session.showing.edit),
             (room.surface.chosen, self.views.plan.drawing.controller.choose_surface),
             (room.model.board_file_requested, self.files.open_board),

@@ -340,7 +340,7 @@ def test_no_clock_drift_is_shown_for_a_scanner_at_another_pace(
 
 def test_the_panel_alone_shows_a_status(qtbot: QtBot, open_with: OpenWith) -> None:
     window = open_with()
-    panel = DevicePanel(Commands(window))
+    panel = DevicePanel(Commands(window), window.session.live)
     qtbot.addWidget(panel)
     panel.show_status(Status(JobState(angle=math.pi / 2, temperature_c=21.34), chosen=True))
     assert (panel.angle.text(), panel.temperature.text()) == ("90.0°", "21.3 °C")
