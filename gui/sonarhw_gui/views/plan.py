@@ -175,7 +175,7 @@ class PlanDrawing(base.Canvas):
         self._box.translateBy((right * (far_right - left) / 10, up * (high - low) / 10))
         self._note_choice()
 
-    # the interface `plan_controller.DrawingContext`
+    # for the controller
 
     @property
     def pixel(self) -> float:

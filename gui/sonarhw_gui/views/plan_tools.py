@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Callable
-from typing import Protocol
+from typing import Any
 
 from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent, MouseDragEvent
 from PySide6.QtCore import QPointF, Qt
@@ -17,7 +17,6 @@ from sonarhw_gui.model.look import LengthUnit
 from sonarhw_gui.model.scene import Scene, decibels_text
 from sonarhw_gui.model.shown import Cursor, Shown
 from sonarhw_gui.views.base import Gestures
-from sonarhw_gui.views.plan_layers import RulerLayer, SensorLayer
 
 # One-line descriptions of the object under the mouse in the plan: sensor, corner, wall, post or plain point.
 
@@ -328,8 +327,6 @@ def ruler_text(start: Point, end: Point, unit: LengthUnit) -> str:
 
 
 # The controller of a plan: passes mouse and key events to the active tool, and its edits to the window.
-#
-# It uses the drawing only through `DrawingContext`.
 
 
 NUDGE, TURN = 0.01, math.radians(1.0)  # m, rad: of one key press
@@ -340,46 +337,11 @@ _GRIPPED = {
 }
 
 
-class DrawingContext(Protocol):
-    """The interface of the drawing for its controller."""
-
-    sensor: SensorLayer
-    ruler: RulerLayer
-
-    @property
-    def shown(self) -> Shown | None:
-        """What is drawn; None before the first update."""
-
-    @property
-    def pixel(self) -> float:
-        """The length of a pixel, m."""
-
-    def contains(self, position: QPointF) -> bool:
-        """Return whether a point in scene coordinates lies in the plan."""
-
-    def point_at(self, position: QPointF) -> Point:
-        """Return the visible plan point, m, nearest to a point in scene coordinates."""
-
-    def draw_room(self) -> None:
-        """Draw the room again, after a change of the selected surface or of the tool."""
-
-    def draw_cursor(self, shape: Qt.CursorShape) -> None:
-        """Change the shape of the mouse cursor."""
-
-    def show_message(self, text: str) -> None:
-        """Show one line of text beside the tools."""
-
-    def pick(self, event: MouseClickEvent) -> bool:
-        """Select the reading under a click; return whether there is one."""
-
-    def on_outline(self, point: Point) -> bool:
-        """Return whether a point lies on the predicted outline."""
-
-
 class PlanController:
     """Holds the active tool and the selected wall or post."""
 
-    def __init__(self, drawing: DrawingContext, gestures: Gestures) -> None:
+    def __init__(self, drawing: Any, gestures: Gestures) -> None:
+        """`drawing`: the `PlanDrawing`, which has this controller."""
         self._drawing, self._gestures = drawing, gestures
         self.tool: Tool = Hand(self)
         self._busy = False  # during a drag that the tool uses

@@ -3,13 +3,13 @@
 The bottom axis is time; the top axis is the range at that time.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import QObject, QPointF, Qt, Signal, Slot
+from PySide6.QtCore import QPointF, Qt, Slot
 from PySide6.QtGui import QActionGroup, QFont, QFontMetricsF
 from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
 from sonarhw_compare.headings import heading_text
@@ -147,19 +147,17 @@ _AT = 1 / 3, 2 / 3  # initial positions, shares of the visible trace
 _NAMES = "AB"
 
 
-class TraceCursors(QObject):
+class TraceCursors:
     """Cursors A and B of one plot."""
 
-    moved = Signal()
-
-    def __init__(self, plot: pg.PlotItem, parent: QObject) -> None:
-        super().__init__(parent)
+    def __init__(self, plot: pg.PlotItem, moved: Callable[[], None]) -> None:
+        """`moved` is called when one of them was moved."""
         self._lines = [_line(name) for name in _NAMES]
         self._duration = 0.0
         for line in self._lines:
             line.setVisible(False)
             plot.addItem(line, ignoreBounds=True)
-            line.sigPositionChanged.connect(self.moved)
+            line.sigPositionChanged.connect(moved)
 
     def set_look(self, look: Look) -> None:
         """Use the colours of `look`."""
@@ -453,7 +451,7 @@ class TraceView(QWidget):
             self.plot.addItem(item, ignoreBounds=True)
         self.marks = TraceMarks(self.plot, gain_axis)
         self.names = EchoNames(self.plot.vb)
-        self.cursors = TraceCursors(self.plot, self)
+        self.cursors = TraceCursors(self.plot, self._read_cursors)
         self._pointer = pg.InfiniteLine(angle=90)
         self.plot.addItem(self._pointer, ignoreBounds=True)
         self._arrange()
@@ -487,7 +485,6 @@ class TraceView(QWidget):
     def _connect(self) -> None:
         self.forms.triggered.connect(self._redraw)
         self.cursors_shown.toggled.connect(self._show_cursors)
-        self.cursors.moved.connect(self._read_cursors)
         self.canvas.hovered.connect(self._point_at)
         for which, name in enumerate("AB"):
             for side, by in (("Left", -1), ("Right", 1)):

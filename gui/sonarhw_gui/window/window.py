@@ -158,12 +158,8 @@ class MainWindow(TabbedWindow):
         self.commands = Commands(self, [view.entry for view in self.views.all])
         self.files, self.saving = FileCommands(session, self), SaveCommands(session, self, self.views)
         self.layouts, self.slots = LayoutMenu(self, self.views), CommandSlots(session, self.saving.image, self)
-        self.device, self.room, self.fit_panel = (
-            DevicePanel(self.commands, session.live),
-            RoomPanel(),
-            FitPanel(session),
-        )
-        self.causes, self.finding = CausesPanel(session), FindPanel(session)
+        self.device, self.room = DevicePanel(self.commands, session.live), RoomPanel()
+        self.fit_panel, self.causes, self.finding = FitPanel(session), CausesPanel(session), FindPanel(session)
         self.scans = ScansPanel(session, self.files.add_scan)
         self.banner, self.legend, self.sentence = Banner(session.notices), Legend(), Sentence()
         self.bounces, self.hint = BounceLine(), Hint()

@@ -77,7 +77,7 @@ def test_a_moved_sensor_and_the_scan_settings_are_restored(
     options = replace(shipped.options, unit=Unit.BLOCK)
     window.session.showing.edit(replace(shipped, place=there, options=options), "moving the sensor")
     scan_settings = replace(window.session.live.settings, traces=False, max_range=1.5, order=replace(ORDER, sweeps=3))
-    window.session.live.set_settings(scan_settings)
+    window.session.live.settings = scan_settings
     window.close()
     window = reopened(open_with, memory, shipped)
     assert window.session.shown.scene.place == there
