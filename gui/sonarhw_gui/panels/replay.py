@@ -100,6 +100,9 @@ class TimeSlider(QtWidgets.QSlider):
 # The replay bar: play, pause, step, previous and next scan, time slider, loop, skip gaps, speed, leave.
 
 
+_ICON = Qt.ToolButtonStyle.ToolButtonIconOnly
+
+
 class ReplayBar(widgets.NarrowBar):
     """Controls the replay. Visible only while a log is shown."""
 
@@ -171,26 +174,12 @@ class ReplayBar(widgets.NarrowBar):
             _button(action, Qt.ToolButtonStyle.ToolButtonTextOnly)
             for action in (commands.set_loop, commands.set_skip_gaps, commands.leave_replay)
         )
-        previous, following = (
-            _button(action, Qt.ToolButtonStyle.ToolButtonIconOnly)
-            for action in (commands.previous_scan, commands.next_scan)
-        )
+        previous, following = (_button(action, _ICON) for action in (commands.previous_scan, commands.next_scan))
+        back, forth = (_button(action, _ICON, repeats=True) for action in (commands.step_back, commands.step_forward))
         # a narrow bar hides the first group, a narrower one the second too: menu and status bar have them
         self.dispensable = (loop, gaps, leave), (self.badge, previous, following)
-        parts = (
-            self.badge,
-            previous,
-            _button(commands.step_back, Qt.ToolButtonStyle.ToolButtonIconOnly, repeats=True),
-            self.play,
-            _button(commands.step_forward, Qt.ToolButtonStyle.ToolButtonIconOnly, repeats=True),
-            following,
-            self.slider,
-            self.time,
-            self.speed,
-            loop,
-            gaps,
-            leave,
-        )
+        steps = self.badge, previous, back, self.play, forth, following
+        parts = (*steps, self.slider, self.time, self.speed, loop, gaps, leave)
         widgets.arranged(QtWidgets.QHBoxLayout(self), *parts, rest=self.slider, margins=(12, 2, 12, 6), gap=widgets.GAP)
 
     @Slot(float)

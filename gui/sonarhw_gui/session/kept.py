@@ -322,10 +322,6 @@ class UnsavedRooms:
             self._now = scene
             self.write()
 
-    def restored(self, path: Path, here: Scene) -> Scene:
-        """Return the scene `here` with the unsaved changes. Raises InputError if their file is missing or invalid."""
-        return read_unsaved(path).applied_to(here)
-
     def _discard(self, path: Path) -> None:
         """Remove the file of an unsaved room. Raises OutputError."""
         try:

@@ -52,11 +52,6 @@ class Phase(StrEnum):
     STOPPED = "stopped"
     FAILED = "failed"
 
-    @property
-    def busy(self) -> bool:
-        """Whether the job is running."""
-        return self in (Phase.CONNECTING, Phase.HOMING, Phase.TURNING, Phase.SCANNING)
-
 
 @dataclass(frozen=True)
 class JobState:
@@ -72,7 +67,7 @@ class JobState:
     @property
     def ended(self) -> bool:
         """Whether no job is running."""
-        return self.phase is None or not self.phase.busy
+        return self.phase not in (Phase.CONNECTING, Phase.HOMING, Phase.TURNING, Phase.SCANNING)
 
 
 IDLE = JobState()

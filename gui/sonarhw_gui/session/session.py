@@ -26,7 +26,7 @@ from sonarhw_gui.model.edits import with_board
 from sonarhw_gui.model.look import Look
 from sonarhw_gui.model.scene import Scene, place_warning, room_name
 from sonarhw_gui.model.shown import Shown
-from sonarhw_gui.session.kept import Kept
+from sonarhw_gui.session.kept import Kept, read_unsaved
 from sonarhw_gui.session.notices import Notice, NoticeButton, Notices, Preparation
 from sonarhw_gui.session.scanner import (
     FAKE_NOTE,
@@ -229,7 +229,7 @@ class WindowSession(QObject):
     def show_log(self, log: Log, name: str = "the log", path: Path | None = None) -> None:
         """Show all readings of a log for replay; `path`: its file."""
         self._drop_readings()
-        self.showing.follow(log.readings)
+        self.showing.forecast.follow(log.readings)
         self._set_replay(Replay(log, name, path, self.replay_changed.emit))
         self.showing.open_notes()
         if log.torn:
@@ -254,7 +254,7 @@ class WindowSession(QObject):
             self._set_replay(None)
             if self._before_replay is not None:
                 self.set_scene(self._before_replay)
-            self.showing.follow(self.live.readings)
+            self.showing.forecast.follow(self.live.readings)
             self.showing.open_notes()
 
     def set_scene(self, scene: Scene, source: Path | None = None) -> None:
@@ -314,7 +314,7 @@ class WindowSession(QObject):
     @Slot(object)
     def restore_room(self, path: Path) -> None:
         """Show the unsaved room in a file of the folder of unsaved rooms. Raises InputError."""
-        self.set_scene(self.kept.rooms.restored(path, self.shown.scene), path)
+        self.set_scene(read_unsaved(path).applied_to(self.shown.scene), path)
 
     @Slot()
     def save_room_again(self) -> bool:
@@ -498,7 +498,7 @@ class WindowSession(QObject):
         if replay is None or replay.path != path:
             return
         replay.extend(log)
-        self.showing.follow(replay.readings)
+        self.showing.forecast.follow(replay.readings)
         if not log.torn:
             self._followed.stop()
 
@@ -527,7 +527,7 @@ class WindowSession(QObject):
             self._take_board()
         fresh = self.live.take(self._last_tick)
         if fresh:
-            self.showing.follow(self.live.readings)
+            self.showing.forecast.follow(self.live.readings)
         return fresh
 
     def _take_board(self) -> None:

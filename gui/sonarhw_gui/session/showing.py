@@ -412,7 +412,7 @@ class ShownModel(QObject):
         self.history.clear()
         self.shown = replace(self.shown, scene=scene)
         self.forecast.set_scene(scene)
-        self.follow(self._source().readings)
+        self.forecast.follow(self._source().readings)
         self.refresh()
 
     def take_saved(self, room: Room, file: str) -> None:
@@ -422,10 +422,6 @@ class ShownModel(QObject):
             self._change(replace(scene, room=room, place=room.places[scene.place.name]))
         # later, because another room in another file would be fitted to the view
         self.shown = replace(self.shown, scene=replace(self.shown.scene, room_file=file))
-
-    def follow(self, readings: Sequence[Reading]) -> None:
-        """Compare these readings."""
-        self.forecast.follow(readings)
 
     def update_soon(self) -> None:
         """Update the views with the next tick."""

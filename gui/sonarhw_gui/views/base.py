@@ -413,11 +413,6 @@ def reading_towards(shown: Shown, heading: float) -> int | None:
     return int(np.flatnonzero(away <= away.min() + 1e-6)[-1])
 
 
-def is_plain_click(event: MouseClickEvent) -> bool:
-    """Return whether the left button was clicked. A mark below may have accepted the event already."""
-    return bool(event.button() == Qt.MouseButton.LeftButton)
-
-
 # The plot factory: creates the plots of the window and their canvas, with a common set-up of mouse and repaints.
 
 
@@ -503,6 +498,6 @@ class Canvas(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has no
         super().leaveEvent(event)
 
     @Slot(object)
-    def _click(self, event: object) -> None:
-        if is_plain_click(event):
+    def _click(self, event: MouseClickEvent) -> None:
+        if event.button() == Qt.MouseButton.LeftButton:  # a mark below may have accepted the event already
             self.clicked.emit(event)

@@ -192,14 +192,6 @@ class PlanDrawing(base.Canvas):
         (left, right), (low, high) = self._box.viewRange()
         return min(max(point.x(), left), right), min(max(point.y(), low), high)
 
-    def draw_cursor(self, shape: Qt.CursorShape) -> None:
-        """Change the shape of the mouse cursor."""
-        self.setCursor(shape)
-
-    def show_message(self, text: str) -> None:
-        """Show one line of text beside the tools."""
-        self.message_changed.emit(text)
-
     def draw_room(self) -> None:
         """Draw the room, with handles if the active tool edits it."""
         if self.shown is not None:

@@ -411,7 +411,7 @@ class PlanController:
 
     def show_message(self, text: str) -> None:
         """Show one line of text beside the tools."""
-        self._drawing.show_message(text)
+        self._drawing.message_changed.emit(text)
 
     # keys and buttons
 
@@ -426,7 +426,7 @@ class PlanController:
         self.cancel_drag()
         self.tool = tool(self)
         self._drawing.ruler.clear()
-        self._drawing.draw_cursor(self.tool.shape)
+        self._drawing.setCursor(self.tool.shape)
         self._drawing.draw_room()
         self.show_message("")
 
@@ -525,7 +525,7 @@ class PlanController:
             return
         grip = self.tool.grip(point)
         shape = self.tool.shape if grip is None else _GRIPPED.get(grip.part, Qt.CursorShape.SizeAllCursor)
-        self._drawing.draw_cursor(shape)
+        self._drawing.setCursor(shape)
         self.show_message(text_under_pointer(self.shown, grip, point, self.pixel))
         middle = self.shown.scene.pose.position
         self._gestures.pointed.emit(Cursor(edits.bearing(middle, point) % math.tau, math.dist(middle, point)))

@@ -212,11 +212,7 @@ class RangeView(base.Canvas):
             line.setPen(base.cosmetic_pen(look.palette.tolerance))
 
     def _add_tolerance(self) -> pg.LinearRegionItem:
-        band = pg.LinearRegionItem(
-            (-TOLERANCE, TOLERANCE),
-            orientation="horizontal",
-            movable=False,
-        )
+        band = pg.LinearRegionItem((-TOLERANCE, TOLERANCE), orientation="horizontal", movable=False)
         band.setZValue(-20)
         self.residuals.addItem(band, ignoreBounds=True)
         return band

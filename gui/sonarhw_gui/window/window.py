@@ -340,15 +340,8 @@ class MainWindow(TabbedWindow):
     def _set_look(self, look: Look) -> None:
         self._look = look
         apply_look(look)
-        for part in (
-            self.banner,
-            self.legend,
-            self.hint,
-            self.views,
-            self.sound_bar,
-            self.replay_bar,
-            self.status_bar,
-        ):
+        bars = self.banner, self.legend, self.hint, self.sound_bar, self.replay_bar, self.status_bar
+        for part in (*bars, self.views):
             part.set_look(look)
 
     @Slot(object)

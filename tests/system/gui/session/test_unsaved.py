@@ -12,7 +12,7 @@ from pytestqt.qtbot import QtBot
 from sonarhw_gui.jobs.files import open_room
 from sonarhw_gui.model.edits import sensor_at, with_air_state, with_corner
 from sonarhw_gui.model.scene import Scene, scene_of_log
-from sonarhw_gui.session.kept import UnsavedRooms
+from sonarhw_gui.session.kept import UnsavedRooms, read_unsaved
 from sonarhw_gui.session.notices import Notices
 from sonarhw_gui.window.window import MainWindow
 from sonarhw_sim.board.profile import load_board, parse_board
@@ -225,7 +225,7 @@ def offered(folder: Path, scene: Scene) -> list[Scene]:
     notices = Notices()
     rooms = rooms_in(folder, notices)
     rooms.open(scene)
-    return [rooms.restored(path, scene) for path in offered_files(notices)]
+    return [read_unsaved(path).applied_to(scene) for path in offered_files(notices)]
 
 
 class Editor:
@@ -259,7 +259,7 @@ class Editor:
         """Accept one of the offers, if there are any."""
         if self._offers:
             path = self._offers[choice % len(self._offers)]
-            self._start = self._now = self._rooms.restored(path, self._now)
+            self._start = self._now = read_unsaved(path).applied_to(self._now)
             self._rooms.open(self._now, path)
             self._offers = offered_files(self._notices)
 
