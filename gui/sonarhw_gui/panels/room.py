@@ -230,25 +230,25 @@ class MaterialGroup(Group):
         super().__init__("Materials", change)
         self.sliders: dict[str, tuple[widgets.SliderField, widgets.SliderField]] = {}  # reflectance and scatter
         self._room: Room | None = None
-        self._known: dict[str, Material] = {}
+        self._materials: dict[str, Material] = {}
         tip = "Define a material. Assign it under Wall or post"
         self.name, self.add = self._add_name("name of a new material", "Add", tip, self._define)
 
     def draw(self, shown: Shown, room: Room, place: Place) -> None:
         """Draw the materials of the room."""
         if room is not self._room:  # parsing its text takes milliseconds
-            self._room, self._known = room, materials(room)
-        if [*self._known] != [*self.sliders]:
+            self._room, self._materials = room, materials(room)
+        if [*self._materials] != [*self.sliders]:
             self._lay_out()
         for name, (reflectance, scatter) in self.sliders.items():
-            reflectance.show_value(self._known[name].largest)
-            scatter.show_value(self._known[name].scatter)
+            reflectance.show_value(self._materials[name].largest)
+            scatter.show_value(self._materials[name].scatter)
 
     def _lay_out(self) -> None:
         while self.rows.rowCount() > 1:
             self.rows.removeRow(0)
         self.sliders = {}
-        for row, (name, material) in enumerate(self._known.items()):
+        for row, (name, material) in enumerate(self._materials.items()):
             self.rows.insertRow(3 * row, widgets.title_label(name))
             reflectance, scatter = (
                 self._slider(value, partial(self._set_share, name, value.key), tip)
