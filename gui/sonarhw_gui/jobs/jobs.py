@@ -16,7 +16,7 @@ _MOST_WAITING = 64  # jobs of a lane; another one is refused
 
 
 @dataclass(eq=False)
-class Job:
+class BackgroundJob:
     """A function with its arguments and its receivers, its progress, and its result; shared by the two threads."""
 
     key: str
@@ -25,7 +25,7 @@ class Job:
     args: tuple[Any, ...]
     then: Callable[[Any], None] | None
     failed: Callable[[str], None] | None
-    watch: "Callable[[Job], None] | None"
+    watch: "Callable[[BackgroundJob], None] | None"
     at_close: bool
     share: float = 0.0
     step: str = "beginning"
@@ -61,10 +61,10 @@ class Job:
 class _Lane:
     """One thread, and the jobs that wait for it, by their keys."""
 
-    def __init__(self, name: str, done: Callable[[Job], None]) -> None:
+    def __init__(self, name: str, done: Callable[[BackgroundJob], None]) -> None:
         """`done` is called in the thread after each job."""
         self._changed = threading.Condition()
-        self._waiting: dict[str, Job] = {}
+        self._waiting: dict[str, BackgroundJob] = {}
         self._closing = False
         self._done = done
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
@@ -75,13 +75,13 @@ class _Lane:
         """Whether no further job may wait."""
         return len(self._waiting) >= _MOST_WAITING
 
-    def put(self, job: Job) -> None:
+    def put(self, job: BackgroundJob) -> None:
         """Let a job wait."""
         with self._changed:
             self._waiting[job.key] = job
             self._changed.notify()
 
-    def drop(self, key: str) -> Job | None:
+    def drop(self, key: str) -> BackgroundJob | None:
         """Remove and return the waiting job with this key, if any."""
         with self._changed:
             return self._waiting.pop(key, None)
@@ -110,7 +110,7 @@ class _Lane:
         self._done(job)
         return True
 
-    def _next(self) -> Job | None:
+    def _next(self) -> BackgroundJob | None:
         with self._changed:
             while not self._waiting and not self._closing:
                 self._changed.wait()
@@ -123,12 +123,13 @@ class Jobs(QObject):
     """Runs functions in threads. All methods are called in the GUI thread."""
 
     failed = Signal(str)  # the error of a job that has no receiver of its own
-    _done = Signal(object)  # Job
+    _done = Signal(object)  # BackgroundJob
 
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._lanes: dict[str, _Lane] = {}
-        self._pending: dict[Job, None] = {}  # waiting, running, or with a result that was not taken yet; oldest first
+        # waiting, running, or with a result that was not taken yet; oldest first
+        self._pending: dict[BackgroundJob, None] = {}
         self.closed = False  # any thread may look at it
         self._done.connect(self._finish, Qt.ConnectionType.QueuedConnection)
 
@@ -139,7 +140,7 @@ class Jobs(QObject):
         *args: Any,
         then: Callable[[Any], None] | None = None,
         failed: Callable[[str], None] | None = None,
-        progress: Callable[[Job], None] | None = None,
+        progress: Callable[[BackgroundJob], None] | None = None,
         lane: str = "",
         at_close: bool = False,
     ) -> None:
@@ -153,7 +154,7 @@ class Jobs(QObject):
         """
         if self.closed:
             return
-        job = Job(key, lane or key, function, args, then, failed, progress, at_close)
+        job = BackgroundJob(key, lane or key, function, args, then, failed, progress, at_close)
         self._drop(key)
         place = self._lanes.get(job.lane)
         if place is None:
@@ -199,7 +200,7 @@ class Jobs(QObject):
                 del self._pending[job]
 
     @Slot(object)
-    def _finish(self, job: Job) -> None:
+    def _finish(self, job: BackgroundJob) -> None:
         """Pass on the result or the error of a job."""
         if self.closed:
             return

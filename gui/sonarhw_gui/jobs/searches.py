@@ -15,7 +15,7 @@ from sonarhw_sim.room.room import Place, Room
 
 from sonarhw.errors import InputError
 from sonarhw.readings import Reading
-from sonarhw_gui.jobs.jobs import Job, Jobs
+from sonarhw_gui.jobs.jobs import BackgroundJob, Jobs
 from sonarhw_gui.model.edits import Edit, room_and_place, with_sensor_at
 from sonarhw_gui.model.look import LengthUnit
 from sonarhw_gui.model.scene import NOWHERE, Scene, room_name
@@ -57,7 +57,7 @@ class Search(QObject):
     def __init__(
         self, key: str, function: Callable[..., Any], shown: Callable[[], Shown], jobs: Jobs, parent: QObject
     ) -> None:
-        """`function` gets what the window shows, the settings of `start`, and its `Job`."""
+        """`function` gets what the window shows, the settings of `start`, and its `BackgroundJob`."""
         super().__init__(parent)
         self.state: Any = SearchState()
         self._key, self._function, self._shown, self._jobs = key, function, shown, jobs
@@ -79,7 +79,7 @@ class Search(QObject):
         self._jobs.cancel(self._key)
         self._jobs.run(self._key, function, *args, then=self._finish, failed=self._fail, progress=self._observe)
 
-    def _observe(self, job: Job) -> None:
+    def _observe(self, job: BackgroundJob) -> None:
         self._set_state(self._running(job))
 
     def _finish(self, answer: Any) -> None:
@@ -101,7 +101,7 @@ class Search(QObject):
         """Return the state after a search that was cancelled or has failed."""
         return SearchState()
 
-    def _running(self, job: Job) -> Any:
+    def _running(self, job: BackgroundJob) -> Any:
         """Return the state during a search."""
         return SearchState(running=True, share=job.share, step=job.step)
 
@@ -166,7 +166,7 @@ class FitFound:
     fitted_within_5cm: tuple[float | None, ...]  # likewise, with each solution
 
 
-def find_pose(shown: Shown, free: tuple[str, ...], everywhere: bool, job: Job) -> FitFound:
+def find_pose(shown: Shown, free: tuple[str, ...], everywhere: bool, job: BackgroundJob) -> FitFound:
     """Fit to the newest readings shown, which takes about ten seconds. Raises InputError, Cancelled.
 
     `free`: words of the free quantities. `everywhere`: search the whole room, not only beside the place shown.
@@ -336,7 +336,7 @@ class CausesAnswer:
     result: "FoundCauses"
 
 
-def search_causes(shown: Shown, job: Job) -> CausesAnswer:
+def search_causes(shown: Shown, job: BackgroundJob) -> CausesAnswer:
     """Search for changes of the room that explain misfits of the newest readings shown, for about ten seconds.
 
     Raises InputError.
@@ -420,7 +420,7 @@ def search_room(
     accuracy: Accuracy,
     start: "RoomDraft | None",
     refused: "tuple[DraftWall | DraftPost, ...]",
-    job: Job,
+    job: BackgroundJob,
 ) -> RoomAnswer:
     """Find the room that scans show, which takes seconds to minutes; the place of the first one is known.
 
@@ -467,7 +467,7 @@ def _spreads(scans: tuple[LoadedScan, ...], accuracy: Accuracy) -> "list[PoseSpr
     return [first, *(spread if scan.has_place else UNKNOWN for scan in scans[1:])]
 
 
-def plan_next_scan(answer: RoomAnswer, job: Job) -> "tuple[NextPlace, ...]":
+def plan_next_scan(answer: RoomAnswer, job: BackgroundJob) -> "tuple[NextPlace, ...]":
     """Return the places from which another scan makes a found room most certain, best first.
 
     Raises InputError, Cancelled.
@@ -658,7 +658,7 @@ class RoomSearch(Search):
         """Return the state with the walls found so far."""
         return replace(self.state, running="") if self.state.running else self.state
 
-    def _running(self, job: Job) -> FindState:
+    def _running(self, job: BackgroundJob) -> FindState:
         state = self.state
         if job.part is not self._newest:
             self._newest = job.part

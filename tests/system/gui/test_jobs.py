@@ -7,7 +7,7 @@ from weakref import ref
 import pytest
 from pytestqt.exceptions import capture_exceptions
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.jobs.jobs import Job, Jobs
+from sonarhw_gui.jobs.jobs import BackgroundJob, Jobs
 
 from sonarhw.errors import InputError
 from tests.hang_guard import HANG
@@ -106,7 +106,7 @@ def test_a_waiting_thread_keeps_no_result(qtbot: QtBot, jobs: Jobs) -> None:
 def test_progress_is_passed_on_until_the_job_is_cancelled(qtbot: QtBot, jobs: Jobs) -> None:
     seen, results, reported, ended = [], [], threading.Event(), threading.Event()
 
-    def work(progress: Job) -> str:
+    def work(progress: BackgroundJob) -> str:
         progress.report(0.5, "half")
         progress.part = "a wall"
         reported.set()

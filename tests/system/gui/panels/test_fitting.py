@@ -9,7 +9,7 @@ import pytest
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 from sonarhw_compare.fit import free_parameters
-from sonarhw_gui.jobs.jobs import Job
+from sonarhw_gui.jobs.jobs import BackgroundJob
 from sonarhw_gui.jobs.searches import FitFound, fitted, value_text
 from sonarhw_gui.model.edits import sensor_at
 from sonarhw_gui.model.look import LengthUnit
@@ -31,7 +31,7 @@ def equal_fits_once(monkeypatch: pytest.MonkeyPatch, known: dict[object, FitFoun
     """Answer a fit that another test has completed at once, because it takes seconds; the scene is the same."""
     fit = session.find_pose
 
-    def find_pose(shown: Shown, free: tuple[str, ...], everywhere: bool, job: Job) -> FitFound:
+    def find_pose(shown: Shown, free: tuple[str, ...], everywhere: bool, job: BackgroundJob) -> FitFound:
         if (free, everywhere) not in known:
             known[free, everywhere] = fit(shown, free, everywhere, job)
         return replace(known[free, everywhere], scene=shown.scene)
