@@ -322,14 +322,14 @@ class WindowSession(QObject):
 
         If another program has changed the file, it is kept, and the user is asked what to do.
         """
-        file = self.files.path(files.WatchedFile.ROOM)
+        file = self.files.path("room")
         if file is not None:
             change = files.changed_outside(file, self.kept.rooms.file_text)
             if change:
                 overwrite = NoticeButton("Overwrite, keep a copy", self._save_over, file)
                 reload = NoticeButton("Reload the room", self.open_room, file)
                 text = f"not saved: {change}; Save room as… keeps both"
-                self.notices.add(Notice(text, overwrite, reload, error=True, until=Until.SCENE_REPLACED))
+                self.notices.add(Notice(text, overwrite, reload, error=True, until="scene replaced"))
             else:
                 self.save_room(str(file))
         return file is not None
@@ -394,7 +394,7 @@ class WindowSession(QObject):
         self.scanners.remember(target)
         self.live.use(target)
         if target.scene is not None:
-            self.files.watch(files.WatchedFile.ROOM, None)  # this room is not that of the file
+            self.files.watch("room", None)  # this room is not that of the file
             self.set_scene(target.scene)
         self.takes_board = target.scene is None
         self._scanner_place = place_of(target, self.shown.scene)
