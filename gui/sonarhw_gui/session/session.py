@@ -467,14 +467,17 @@ class WindowSession(QObject):
             self.notices.fail(opened.notice)
 
     def _take_log(self, opened: files.Opened) -> None:
+        log, path = opened.log, opened.path
+        assert log is not None, "a file with readings was opened"
+        assert path is not None, "a log is in a file"
         self.notices.clear()
         self.files.watch("room", None)
-        here, metadata = self.shown.scene, opened.log.metadata
+        here, metadata = self.shown.scene, log.metadata
         if self.replay is None:
             self._before_replay = here
         board = opened.scene.board if metadata.board or metadata.board_text else here.board
         self.set_scene(opened.scene if opened.scene.room else replace(here, board=board))
-        self.show_log(opened.log, opened.path.name, opened.path)
+        self.show_log(log, path.name, path)
         if opened.scene.room_file != metadata.room_file:  # restored; edits of the own room need no warning
             self._warn_if_recorded_elsewhere(opened.scene)
 

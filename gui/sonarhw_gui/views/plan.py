@@ -102,8 +102,9 @@ class PlanDrawing(base.Canvas):
         for parts, draw in self._layer_table():
             if shown.changed_since(before, parts):
                 draw(shown)
-        if shown.sound is not None and (before is None or before.sound is None):
-            self._show_also(counted_position(shown.sound.ping, shown.sound.ping.duration))
+        ping = None if shown.sound is None else shown.sound.ping
+        if ping is not None and (before is None or before.sound is None):
+            self._show_also(counted_position(ping, ping.duration))
         if before is None or _is_another_room(before, shown) or self._grows(before, shown):
             self.fit()
 

@@ -514,7 +514,7 @@ class SoundLayer(PlotLayer):
         sound = shown.sound
         for item in self._items:
             item.setVisible(sound is not None)
-        if sound is None:
+        if sound is None or sound.ping is None:
             return
         ping, pulses = sound.ping, moment_at(sound.ping, sound.time)
         sensor = ping.prediction.standpoints[ping.index]

@@ -357,8 +357,9 @@ class PlanController:
     @property
     def shown(self) -> Shown:
         """What is drawn."""
-        assert self._drawing.shown is not None, "nothing is shown yet"
-        return self._drawing.shown
+        shown: Shown | None = self._drawing.shown
+        assert shown is not None, "nothing is shown yet"
+        return shown
 
     @property
     def scene(self) -> Scene:
@@ -370,12 +371,13 @@ class PlanController:
     @property
     def handle_at(self) -> Point | None:
         """Where the beam can be dragged, m."""
-        return self._drawing.sensor.handle_at
+        handle: Point | None = self._drawing.sensor.handle_at
+        return handle
 
     @property
     def pixel(self) -> float:
         """The length of a pixel, m."""
-        return self._drawing.pixel
+        return float(self._drawing.pixel)
 
     def change(self, edit: Callable[[Scene], edits.Edit], scene: Scene, gesture: object) -> bool:
         """Apply an edit to the scene from before the gesture. A rejected edit shows its error and returns False."""

@@ -233,15 +233,15 @@ class TraceMarks(base.PlotLayer):
 
     def draw_sound(self, sound: SoundState | None, heights: Heights) -> None:
         """Draw a line at the time of the sound, and a ring at the detection once it has happened; None: neither."""
-        detected = None if sound is None or sound.ping is None else sound.ping.detected
-        crossed = sound is not None and detected is not None and sound.time >= detected
         self.sound.setVisible(sound is not None)
-        self.crossing.setVisible(crossed)
-        if sound is not None:
-            self.sound.setValue(sound.time)
-        if sound is not None and sound.ping is not None and crossed:
-            level = heights.of(sound.ping.prediction.board.threshold_db)
-            self.crossing.setData([detected], [level])
+        self.crossing.setVisible(False)
+        if sound is None or sound.ping is None:
+            return
+        self.sound.setValue(sound.time)
+        detected = sound.ping.detected
+        if detected is not None and sound.time >= detected:
+            self.crossing.setVisible(True)
+            self.crossing.setData([detected], [heights.of(sound.ping.prediction.board.threshold_db)])
 
     def draw(self, trace: ChosenTrace | None, heights: Heights, look: Look) -> None:
         """Draw the marks of a trace; None hides them."""

@@ -248,7 +248,7 @@ class ViewArea(TabbedWindow):
     def set_look(self, look: Look) -> None:
         """Use the text size of `look` for the title bars."""
         for dock in self.docks:
-            dock.titleBarWidget().findChild(PlainLabel).setFont(text_font(look, _TEXT))
+            cast(PlainLabel, dock.titleBarWidget().findChild(PlainLabel)).setFont(text_font(look, _TEXT))
 
     @Slot()
     def fit(self) -> None:
