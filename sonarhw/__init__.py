@@ -10,6 +10,7 @@ These names are public. Each is loaded when it is first used; everything else ma
 this package does not contain come from `sonarhw_sim` and `sonarhw_compare`.
 
 Scan
+
 - `open_scanner`: opens a serial port, `socket://HOST:PORT`, a fake scanner `fake:ROOM?place=NAME`, a log, or a device
   that prints text `lines:PORT?preset=NAME`.
 - `Scanner`: a connected scanner. `Recorder`: the interface for recording its frames and readings.
@@ -18,6 +19,7 @@ Scan
 - `read_log`, `Log`, `LogWriter`, `LogMetadata`: recordings on disk.
 
 Predict
+
 - `load_room`, `room_names`, `save_room`, `Room`, `Place`: rooms and the places of the sensor in them.
 - `room_from_arrays`: a room from polygons, segments and posts.
 - `load_board`, `board_names`, `Board`: board profiles.
@@ -25,6 +27,7 @@ Predict
 - `predict_ranges`: the ranges at many poses, on all cores.
 
 Compare
+
 - `scan_from_arrays`, `GivenScan`: a scan from headings and ranges.
 - `compare`, `Comparison`, `explain_reading`: each reading beside its prediction, and its cause in words.
 - `fit`, `FitOptions`, `FitResult`, `PlacedScan`: pose, board and room that explain scans best.
@@ -38,6 +41,7 @@ Compare
 - `draw_plan`, `draw_comparison`, `draw_located`, `draw_map`: pictures of the results, as Matplotlib figures.
 
 Tests and simulations
+
 - `FakeBoard`, `FaultyDevice`, `read_faults`, `serve`: a fake scanner, its faults, and a port that serves it.
 - `EchoSource`, `Ping`, `PingResult`: the interface for the echoes of a fake scanner.
 

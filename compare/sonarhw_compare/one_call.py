@@ -809,7 +809,9 @@ def _fitted(
 
 def _several(scans: ScanInput | Sequence[ScanInput]) -> list[ScanInput]:
     """Return one or several scans as a list."""
-    if isinstance(scans, str | Path | Log | GivenScan) or is_pair(scans) or not isinstance(scans, Iterable):
+    if isinstance(scans, str | Path | Log | GivenScan) or is_pair(scans):
+        return [cast(ScanInput, scans)]
+    if isinstance(scans, np.ndarray) or not isinstance(scans, Iterable):  # given_scan refuses it
         return [cast(ScanInput, scans)]
     several = [*cast(Sequence[ScanInput], scans)]
     return [cast(ScanInput, several)] if all(isinstance(item, Reading) for item in several) else several

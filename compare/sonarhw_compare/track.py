@@ -12,7 +12,7 @@ from sonarhw_sim.board.profile import Board, Mount, load_board
 from sonarhw_sim.predict.prediction import CONE_HALF_ANGLE, SPREAD, SPREAD_BY_RANGE, PredictionOptions
 from sonarhw_sim.rays.fan import distances_ahead
 from sonarhw_sim.rays.paths import RAYS
-from sonarhw_sim.room.room import Place, Room, load_room, place_at
+from sonarhw_sim.room.room import Place, Room, load_room, place_at, warn_of_poses
 
 from sonarhw import arguments
 from sonarhw.errors import InputError
@@ -65,6 +65,7 @@ def log_likelihood(
     likelihood = PoseLikelihood(_room(room), _board(board), cell, receiver)
     rows = arguments.rows("poses", poses, (3,), "x and y in metres and a heading in radians")
     turns = arguments.in_radians("poses", rows[:, 2], degrees)
+    warn_of_poses("poses", likelihood.room, rows[:, :2])
     angles = arguments.in_radians("headings", arguments.angles("headings", headings), degrees)
     return likelihood(np.column_stack((rows[:, :2], turns)), angles, echoes_of(ranges, len(angles))[:, 0, 0])
 
@@ -84,7 +85,7 @@ class PoseLikelihood:
         """`cell` is the side of a cell, m; 0: paths are searched at each pose and not kept."""
         if board.ring is not None:  # each sensor as a head at its distance from the middle, without the others' sound
             board = replace(board, ring=None, mount=Mount(ahead=board.ring.radius))
-        self._room, self._board, self._cell = room, board, cell
+        self.room, self._board, self._cell = room, board, cell
         self._options = PredictionOptions(receiver=receiver, rays=_RAYS)
         self._free = free_parameters(("position", "heading"), ("scan",), room, board)
         self._noise = _NOISE._replace(
@@ -123,7 +124,7 @@ class PoseLikelihood:
             return self._kept[key]
         none = _scan_arrays(np.zeros(1), np.full(1, np.nan))
         place, board = Place("", position), self._board
-        problem = Problem((none,), self._room, (place,), board, self._free, self._options, None, board.rounding)
+        problem = Problem((none,), self.room, (place,), board, self._free, self._options, None, board.rounding)
         objective = problem.near(problem.start())
         if self._cell:
             self._kept[key] = objective
@@ -230,6 +231,8 @@ class Tracker:
             place = start if isinstance(start, Place) else place_at("start", start)
             deviations = np.array([spread_ := _pair("spread", spread)[0], spread_, _pair("spread", spread)[1]])
             pose = np.array([*place.position, place.heading])
+            warn_of_poses("start", self._room, pose[None, :2])
+            arguments.warn_of_degrees("start", pose[2:])
             self._particles = pose + deviations * self._random.standard_normal((count, 3))
         self._logs = np.zeros(count)
         self._fit = 0.0  # mean log-likelihood per reading of the best particles

@@ -31,7 +31,7 @@ from sonarhw_sim.predict.predicted_scan import (
 from sonarhw_sim.rays.fan import TransducerAxes, first_hit
 from sonarhw_sim.rays.paths import MAX_BOUNCES, RAYS, Paths, PathSearch
 from sonarhw_sim.room.grid import Surfaces
-from sonarhw_sim.room.room import Place, Room, load_room, place_doubts
+from sonarhw_sim.room.room import Place, Room, load_room, place_doubts, warn_of_poses
 from sonarhw_sim.space.sections import cut, paths_from, spanning_at
 
 # ray following: paths are found once for a scan, unless more than the beam turns with the head
@@ -398,7 +398,7 @@ def predict(
 # sound, so that a missing faint path changes a range by millimetres.
 _RAYS_OF_MANY = {Receiver.FIRST_ECHO: RAYS // 4, Receiver.BOARD: RAYS}
 _LEAST_POSES = 8  # fewer take about as long as a thread needs to begin
-_POSES = "x and y in metres and a heading in radians, (n, 3)"
+_POSES = "x and y in metres and a heading in radians"
 
 
 @arguments.checked(
@@ -430,11 +430,13 @@ def predict_ranges(
     The poses share the cores, and memory is needed for the result and one pose on each core. Ranges are those of
     `predict`, but for fewer than 0.1 % at the border between two echoes: fewer rays are followed, unless the receiver
     is the board's own, or `options` are given. From a pose inside a post, there is no echo. Raises InputError.
+    Warns if most poses are beyond the walls.
     """
     room = room if isinstance(room, Room) else load_room(room)
     profile = board if isinstance(board, Board) else load_board(board)
     options = PredictionOptions(rays=_RAYS_OF_MANY[profile.receiver]) if options is None else options
     places = _places_of(poses, degrees, height)
+    warn_of_poses("poses", room, np.array([place.position for place in places]).reshape(-1, 2))
     if height is not None:
         room.check_height(height)
     angles = _angles_of(headings, profile, degrees)

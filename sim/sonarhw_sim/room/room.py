@@ -803,6 +803,18 @@ def place_doubts(room: Room, place: Place) -> tuple[str, ...]:
     return () if walls is None else (f"{where} inside {object_name(room, walls)} of room {room.name!r}",)
 
 
+def warn_of_poses(name: str, room: Room, positions: FloatArray, warn: Callable[[str], None] = arguments.emit) -> None:
+    """Warn if most of these positions (n, 2) m are beyond all walls and posts."""
+    ends = np.vstack((room.walls.reshape(-1, 2), room.posts[:, :2]))
+    beyond = ((positions < ends.min(axis=0)) | (positions > ends.max(axis=0))).any(axis=1)
+    if beyond.sum() > len(positions) / 2:
+        (left, bottom), (right, top) = ends.min(axis=0), ends.max(axis=0)
+        warn(
+            f"{name}: {beyond.sum()} of {len(positions)} are beyond the walls, which are between {left:g}, {bottom:g} "
+            f"and {right:g}, {top:g} m; if they are centimetres, divide them by 100"
+        )
+
+
 def warn_of_place(room: Room, place: Place, warn: Callable[[str], None]) -> None:
     """Log the place of a scan, and warn if it is outside the room or inside an object."""
     x, y = place.position

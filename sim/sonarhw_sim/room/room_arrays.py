@@ -19,7 +19,7 @@ Reflectances: TypeAlias = float | ArrayLike | Mapping[str, float]
 REFLECTANCE = 0.95  # of a hard wall, as in the shipped rooms
 _LARGE = 100.0  # m; a larger room is probably not in metres
 _WALLS = "a polygon (n, 2), segments (n, 2, 2), a list or mapping of these, or an object with __geo_interface__"
-_POSTS = "x, y and radius in metres, (m, 3)"
+_POSTS = "x, y and radius in metres"
 
 
 @arguments.checked(name=arguments.text, closed=arguments.flag, temperature_c=arguments.number(-40, 60, "°C"))

@@ -61,6 +61,12 @@ def test_a_ring_has_its_own_headings_and_levels_are_over_the_threshold() -> None
     assert ((levels >= 0) == np.isfinite(ranges)).mean() > 0.98
 
 
+def test_poses_beyond_the_walls_are_warned_of() -> None:
+    room = sonarhw.load_room("arena")
+    with pytest.warns(UserWarning, match="poses: 2 of 2 are beyond the walls, .* if they are centimetres, divide them"):
+        assert sonarhw.predict_ranges(room, [[140, 60, 0], [150, 60, 0]], [0.0]).shape == (2, 1)
+
+
 def test_degrees_are_converted_and_shapes_checked() -> None:
     room = sonarhw.load_room("arena")
     pose = poses_in(room, 1, seed=1)
