@@ -83,7 +83,9 @@ def firmware(info: DeviceInfo) -> Diagnosis:
     if info.protocol < (PROTOCOL_MAJOR, PROTOCOL_MINOR):
         newest = f"{PROTOCOL_MAJOR}.{PROTOCOL_MINOR}"
         return failed(
-            "firmware", f"{text}; {newest} has all checks", "write the firmware of this version: `sonarhw flash PORT`"
+            "firmware",
+            f"{text}; {newest} has all checks",
+            "write the firmware of this version: `sonarhw flash PORT`; for your own: `sonarhw doctor URL --protocol`",
         )
     return passed("firmware", text)
 
@@ -298,6 +300,7 @@ EXCHANGES = 50  # commands
 PINGS = 20
 HEADINGS = 12  # all around
 BESIDE = math.radians(60)  # searched on both sides of zero for the plate
+_COUNTING = (1, 1)  # first protocol with AskStatistics
 _PINGS_IN_PLACE = (1, 2)  # first protocol with pings before a Home
 _OVER_TWO_MARKS = math.radians(-20), math.radians(380)
 _MIRRORED = "mark", "cam", "motor"  # what is inverted on a turntable that turns the other way
@@ -325,6 +328,8 @@ def examine(scanner: Scanner, turns: bool, plate: Plate | None) -> Iterator[Diag
 
 
 def _statistics(scanner: Scanner) -> Statistics | None:
+    if scanner.info.protocol < _COUNTING:
+        return None
     try:
         return scanner.device_statistics()
     except DeviceError:
@@ -334,9 +339,9 @@ def _statistics(scanner: Scanner) -> Statistics | None:
 def _checks(scanner: Scanner, turns: bool, plate: Plate | None) -> Iterator[Diagnosis]:
     info = scanner.info
     # the scanner counts since its start, also what others have sent
-    before = scanner.device_statistics().rejected
+    before = _exchange(scanner)
     for _ in range(EXCHANGES):
-        rejected = scanner.device_statistics().rejected - before
+        rejected = _exchange(scanner) - before
     yield line(scanner.statistics, rejected, scanner.baud)
     yield firmware(info)
     yield temperature(info.temperature_c)
@@ -348,7 +353,15 @@ def _checks(scanner: Scanner, turns: bool, plate: Plate | None) -> Iterator[Diag
         yield from _turntable(scanner, plate)
     else:
         yield skipped("turntable", "not wanted")
-    yield supply(scanner.device_statistics(), scanner.statistics.resets)
+    yield supply(_statistics(scanner), scanner.statistics.resets)
+
+
+def _exchange(scanner: Scanner) -> int:
+    """Exchange a command and its answer. Return how many frames the scanner has rejected; 0 if it does not count."""
+    if scanner.info.protocol < _COUNTING:
+        scanner.configure()
+        return 0
+    return scanner.device_statistics().rejected
 
 
 def _ranging(scanner: Scanner) -> Iterator[Diagnosis]:

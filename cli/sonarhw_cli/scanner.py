@@ -562,6 +562,9 @@ WithTurning = Annotated[
 PlateAngle = Annotated[
     float | None, typer.Option(help="Turntable angle of a plate, degrees, counter-clockwise.", metavar="DEG")
 ]
+ProtocolOnly = Annotated[
+    bool, typer.Option("--protocol", help="Check the messages of a new firmware instead, one after another.")
+]
 PlateDistance = Annotated[float | None, typer.Option(help="Distance of this plate from the transducer, metres.")]
 
 
@@ -570,21 +573,20 @@ def doctor(
     turn: WithTurning = True,
     plate: PlateAngle = None,
     distance: PlateDistance = None,
+    protocol: ProtocolOnly = False,
 ) -> None:
     """Test a scanner part by part (identity only: `info`).
 
     The steps are line, firmware, ranging board, turntable, and a first plate. Each check is a line: pass, FAIL or skip,
-    what was found, and what to do. Exit status 1 if any check fails.
+    what was found, and what to do. Exit status 1 if any check fails. With --protocol, the firmware is checked message
+    by message, up to the first that is missing or wrong.
     """
-    from sonarhw.bringup import examine
-
     wanted = _plate(plate, distance)
     made: list[Diagnosis] = []
     try:
-        with inputs.connect_turntable(url) as scanner:
-            for diagnosis in examine(scanner, turn, wanted):
-                made.append(diagnosis)
-                _print(diagnosis)
+        for diagnosis in _diagnoses(url, turn, wanted, protocol):
+            made.append(diagnosis)
+            _print(diagnosis)
     except InputError:
         raise
     except SonarError as error:
@@ -595,6 +597,21 @@ def doctor(
     failures = sum(diagnosis.verdict == "FAIL" for diagnosis in made)
     options.print_note(f"{url}: {counted(failures, 'check')} failed" if failures else f"{url}: no check failed")
     raise typer.Exit(ExitStatus.FAILED if failures else ExitStatus.DONE)
+
+
+def _diagnoses(url: str, turn: bool, plate: "Plate | None", protocol: bool) -> "Iterator[Diagnosis]":
+    from sonarhw.bringup import examine
+
+    if not protocol:
+        with inputs.connect_turntable(url) as scanner:
+            yield from examine(scanner, turn, plate)
+        return
+    from sonarhw.protocol_check import check_protocol
+
+    if plate:
+        raise InputError("--protocol: checks no plate; remove --plate and --distance")
+    with inputs.resolve(url) as find:
+        yield from check_protocol(find(), turn)
 
 
 def _plate(heading: float | None, distance: float | None) -> "Plate | None":

@@ -89,6 +89,7 @@ class Driver:
         self.info: messages.Info | None = None
         self.busy: str | None = None  # reason why the device serves only another host
         self.kept = KEPT_READINGS  # newest readings that the device can send again
+        self.unanswered: str | None = None  # name of the command that was given up
         self.heartbeat: messages.Heartbeat | None = None  # the newest
         self.device_statistics: messages.Statistics | None = None
         # bytes and frames
@@ -398,6 +399,7 @@ class Driver:
             command.given_up = True
             if command.tries < TRIES:
                 return
+            self.unanswered = command.name
             raise NoAnswer(f"{self.where}: no answer to {command.name} after {TRIES} tries; check the cable")
         command.sent += 1
         command.due = now + ANSWER_WITHIN

@@ -95,6 +95,7 @@ class JobRecording:
 PATIENCE = 10.0  # s for the first greeting; enough for three attempts at each baud rate
 GREET_AGAIN = 3.0  # s for a greeting on a port that is still open
 RECONNECT = 30.0  # s in which a lost device may come back before the caller gets an error
+MAX_GREETINGS = 3  # answered, with the same command after them unanswered; the caller then gets an error
 MAX_LOSSES = 10  # losses without a reading in between; the caller then gets an error
 PAUSES = (0.25, 0.5, 1.0, 2.0, 4.0)  # s before each attempt to open the port again; the last one is repeated
 
@@ -136,6 +137,7 @@ class Session:
         self._patience, self._reconnect = patience, reconnect
         self._rng = rng or random.Random()
         self._phase = Connection.DISCONNECTED
+        self._greeted_only = 0  # conversations, one after another, in which no command but Hello was answered
         self._was_ready = False  # whether the device has been ready once
         self._open = False
         self._next_open = math.inf
@@ -299,6 +301,7 @@ class Session:
             return
         try:
             result = yield from job.script(talk, job)
+            self._greeted_only = 0
         except (errors.DeviceError, errors.InputError) as error:
             self._end(job, error=error)
         else:
@@ -321,7 +324,7 @@ class Session:
             self._jobs[0].note_start(self.clock)
         for reading in self._conversation.driver.readings() if self._conversation else ():
             if self._jobs and self._jobs[0].take(reading):
-                self._jobs[0].losses_in_a_row = 0
+                self._jobs[0].losses_in_a_row = self._greeted_only = 0
                 self.recording.reading(reading)
                 # a reading that could not be recorded is not delivered
                 if self.recording.failure is None and self._jobs[0].error is None:
@@ -344,9 +347,30 @@ class Session:
         try:
             work()
         except (errors.NoAnswer, errors.DeviceReset) as error:
+            talk = self._conversation
+            if talk and talk.driver.unanswered and talk.driver.info:
+                self._greeted_only += 1
+                if self._greeted_only >= MAX_GREETINGS:
+                    self._end_unanswered(talk.driver.unanswered, now)
+                    return
             # the port is still open, so the device may answer a new greeting
             self._lose(error, now)
             self._greet(now, 0.0, GREET_AGAIN)
+
+    def _end_unanswered(self, command: str, now: float) -> None:
+        """End what waits for a device that answers Hello again and again, but not the command after it."""
+        where = self.device.where
+        error = errors.NoAnswer(
+            f"{where}: answers Hello, not {command}; `sonarhw doctor URL --protocol` checks its firmware"
+        )
+        self._greeted_only = 0
+        if not self._was_ready:
+            self._fail(error)
+            return
+        if self._jobs:
+            self._end(self._jobs[0], error=error)
+        self._lose(error, now)
+        self._greet(now, 0.0, GREET_AGAIN)
 
     def _script_failed(self, error: errors.SonarError, now: float) -> None:
         """Close the port of a device that does not answer the greeting or cannot be prepared."""
