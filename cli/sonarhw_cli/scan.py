@@ -326,7 +326,12 @@ def _report_ignored(scanner: "Scanner") -> None:
 
 def _warn_of_the_link(scanner: "Scanner") -> None:
     link = scanner.statistics
-    if link.reopened or link.resets:  # a short silence alone does not matter
+    if link.resets and not link.reopened and scanner.info.protocol == (0, 0):
+        options.warn(
+            f"the device restarted {counted(link.resets, 'time')}; a sweep that a restart ends is not "
+            "counted as whole; check the supply"
+        )
+    elif link.reopened or link.resets:  # a short silence alone does not matter
         options.warn(f"the connection was lost {counted(link.losses, 'time')} and restored; check the cable")
     elif link.lost_readings:
         options.warn(f"the link lost {counted(link.lost_readings, 'reading')}, measured again; check the cable")

@@ -54,6 +54,7 @@ class SweepTracker:
         self._steps: deque[float] = deque(maxlen=_STEPS)  # absolute
         self._gap = False
         self._span_before = math.nan  # of the sweep before
+        self._lowest, self._highest = math.inf, -math.inf  # angles so far
         # of the present sweep
         self._first = 0.0
         self._at_boundary = begins_whole
@@ -120,6 +121,7 @@ class SweepTracker:
             self._first = held.angle
         placed = Placed(self._sweep, self._ping, held)
         self._last = held
+        self._lowest, self._highest = min(self._lowest, held.angle), max(self._highest, held.angle)
         if self._lead is not None:
             self._lead.append(placed)
             return ready
@@ -158,7 +160,7 @@ class SweepTracker:
         whole = self._is_whole(broken, angle)
         self._span_before = self._travel
         self._whole += whole
-        self.restarts += broken == "restart"
+        self.restarts += broken == "restart" or (broken == "jump" and self._at_boundary and not whole)
         ready: list[Placed] = []
         if self._lead is None or whole:
             self._sweep += 1
@@ -185,8 +187,17 @@ class SweepTracker:
             return False
         if broken == "restart":  # some devices print a line of text after each sweep
             return self._at_boundary and abs(self._travel - self._span_before) <= near
-        back_at_start = broken == "jump" and abs(angle - self._first) <= near
-        return self._at_boundary or broken == "full" or back_at_start
+        if broken == "jump":  # back to the start, or after a restart that left no text
+            return abs(angle - self._first) <= near or (self._at_boundary and self._covers_all(angle))
+        return self._at_boundary or broken == "full"
+
+    def _covers_all(self, angle: float) -> bool:
+        """Return whether the present sweep covers all angles so far, and `angle`."""
+        assert self._last is not None
+        low, high = min(self._lowest, angle), max(self._highest, angle)
+        near = 1.5 * self._usual_step
+        ends = sorted((self._first, self._last.angle))
+        return ends[0] - low <= near and high - ends[1] <= near
 
     @property
     def _usual_step(self) -> float:

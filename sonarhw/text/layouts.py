@@ -371,7 +371,7 @@ def _piece(text: str, part: str, after: str = "") -> _Piece:
     regex, position = "", 0
     fields: list[_Field] = []
     for match in _FIELD.finditer(part):
-        regex += _literal(part[position : match.start()], bool(fields))
+        regex += _literal(part[position : match.start()], position > 0)
         field = _field(text, match[1])
         position = match.end()
         decimals = part[max(match.start() - 1, 0) : match.start()] != "," and not (part + after)[position:].startswith(
@@ -390,7 +390,7 @@ def _piece(text: str, part: str, after: str = "") -> _Piece:
             regex += f"{group}(?:(?:{ending})?)" if ending else group
         if field is not None:
             fields.append(field)
-    return _Piece(regex + _literal(part[position:], bool(fields)), tuple(fields))
+    return _Piece(regex + _literal(part[position:], position > 0), tuple(fields))
 
 
 def _literal(text: str, after_field: bool) -> str:
@@ -566,7 +566,8 @@ def cells_of(line: str) -> list[str]:
     if re.search(r"[;\t|]", line):
         parts = re.split(r"[;\t|]", line)
     else:
-        parts = line.split(",") if "," in line else line.split()
+        # a unit in brackets belongs to the name before it: Angle (deg)
+        parts = line.split(",") if "," in line else re.split(r"\s+(?![(\[])", line.strip())
     return [cell.strip().strip('"') for cell in parts]
 
 

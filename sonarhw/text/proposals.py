@@ -323,9 +323,10 @@ def _header(lines: list[str], ends: str, stated: Layout) -> LayoutProposal:
     """Recognise CSV with a header line that names both columns."""
     if ends:
         return LayoutProposal()
+    unnamed = LayoutProposal()
+    cut = [cells_of(line) for line in lines]
     for number, line in enumerate(lines[:-1]):
-        cells = cells_of(line)
-        below = [cells_of(one) for one in lines[number + 1 :]]
+        cells, below = cut[number], cut[number + 1 :]
         if len(cells) < 2 or not any(char.isalpha() for char in line) or _is_numeric(cells):
             continue
         rows = [one for one in below if len(one) == len(cells) and sum(map(_is_number_text, one)) >= 2]
@@ -333,11 +334,13 @@ def _header(lines: list[str], ends: str, stated: Layout) -> LayoutProposal:
             continue
         columns = columns_of(cells)
         if isinstance(columns, str):
-            return LayoutProposal(None, questions=(f"header {line!r}: {columns}; write a pattern=",), example=line[:60])
-        if columns is None:
-            return _numbers(lines[number + 1 :], "", stated, [meaning_of(cell) for cell in cells], line)
-        return _with_header(lines, line, cells, columns, rows, stated)
-    return LayoutProposal()
+            asked = (f"header {line!r}: {columns}; write a pattern=",)
+            return LayoutProposal(None, questions=asked, example=line[:60])
+        if columns is not None:
+            return _with_header(lines, line, cells, columns, rows, stated)
+        if unnamed.layout is None:  # words that may be those of a banner
+            unnamed = _numbers(lines[number + 1 :], "", stated, [meaning_of(cell) for cell in cells], line)
+    return unnamed
 
 
 def _with_header(
