@@ -1,4 +1,4 @@
-"""Levels of the paths compared with exact waves: `python -m benchmarks.wave_equation [--grid]`.
+"""Levels of the paths compared with exact waves: `python -m benchmarks.wave_equation [--grid | --past]`.
 
 Prints, for each scene, the level of all its sound at the carrier by the paths (`uniform` strength of edges) and by a
 wave that is independent of rays, in dB relative to an endless perfect wall. Each table names its wave. Held are cases
@@ -9,8 +9,12 @@ about a minute and a half of processor time.
 
 `--grid` also compares every arrival of other scenes with a wave equation solved on a grid, for `paper`, `keller` and
 `uniform` (half a minute), and prints the levels of sound that is bent by two edges of different walls.
+
+`--past` compares only the wall behind posts, strips, doors and solids with boundary elements, with the same limits
+(some minutes of processor time).
 """
 
+import itertools
 import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -19,6 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from sonarhw_sim.air import EdgeStrength
 
+from tests.oracles.exact.boundary_elements import RigidScene, level_of_wall
 from tests.oracles.exact.exact_levels import (
     WAVELENGTH,
     Point,
@@ -26,6 +31,7 @@ from tests.oracles.exact.exact_levels import (
     by_integral_equation,
     by_paths,
     by_wedge_integral,
+    level_near,
 )
 from tests.oracles.exact.exact_traces import (
     Wave,
@@ -197,6 +203,52 @@ def traces(distance: float) -> Tables:
     yield "peak of the trace, post, diameter in mm", "series of a cylinder", cases
 
 
+BEFORE_WALL = (1, 3, 6, 10, 20, 50)  # mm of diameter
+STRIPS_BEFORE = (5, 10, 20, 40)  # mm
+ASIDE = (8, 16, 20, 30, 60, 100)  # mm
+DOORS = (-15, -2, 2, 15, 50)  # mm beyond the line to the wall
+SOLIDS = ((20, 20, 0), (20, 20, 10), (20, 20, 45), (30, 30, 5))  # mm across and along, degrees
+
+
+def past_obstacles(distance: float) -> Tables:
+    """Yield the wall at a distance behind posts, strips, the edge of a door, and solids."""
+    wave = "boundary elements"
+    posts = [((0.25, 0.0, d / 2000), f"{d}") for d in BEFORE_WALL]
+    yield "wall past a post 0.25 m ahead, diameter in mm", wave, [_past(label, distance, post=p) for p, label in posts]
+    posts = [((0.25, aside / 1000, 0.005), f"{aside}") for aside in ASIDE]
+    yield "wall past a post of 10 mm, mm aside", wave, [_past(label, distance, post=p) for p, label in posts]
+    strips = [([(0.25, -w / 2000), (0.25, w / 2000)], f"{w}") for w in STRIPS_BEFORE]
+    yield (
+        "wall past a strip 0.25 m ahead, width in mm",
+        wave,
+        [_past(label, distance, chain) for chain, label in strips],
+    )
+    doors = [([(0.4, -0.3), (0.4, end / 1000)], f"{end:+d}") for end in DOORS]
+    yield "wall past a door 0.4 m ahead, mm beyond the line", wave, [_past(label, distance, c) for c, label in doors]
+    solids = [(_solid(0.35, *size), "{} × {} at {}°".format(*size)) for size in SOLIDS]
+    yield "wall past a solid 0.35 m ahead, mm", wave, [_past(label, distance, chain) for chain, label in solids]
+
+
+def _solid(ahead: float, across: float, along: float, turn_deg: float) -> list[tuple[float, float]]:
+    turn = complex(math.cos(math.radians(turn_deg)), math.sin(math.radians(turn_deg)))
+    shares = ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))
+    corners = [ahead + turn * complex(along * x, across * y) / 2000 for x, y in shares]
+    return [(corner.real, corner.imag) for corner in corners]
+
+
+def _past(
+    label: str,
+    distance: float,
+    chain: Sequence[tuple[float, float]] = (),
+    post: tuple[float, float, float] | None = None,
+) -> Case:
+    """Return the case of an endless wall behind a chain of walls and a post."""
+    posts = [] if post is None else [post]
+    wave = level_of_wall(RigidScene([chain] if chain else [], posts, distance))
+    walls = [(distance, -ENDLESS, distance, ENDLESS)] + [(*a, *b) for a, b in itertools.pairwise(chain)]
+    return Case(label, wave, level_near(walls, posts, np.zeros(2), 2 * distance), True)
+
+
 def show(title: str, wave: str, distance: float, cases: Sequence[Case]) -> None:
     """Print a table."""
     print(f"\n{title}, at {distance:g} m; wave: {wave}\n{'':>16}{'wave':>9}{'paths':>9}{'paths - wave':>14}, dB")
@@ -264,12 +316,18 @@ def show_largest(rows: Sequence[Row]) -> None:
 
 def main() -> None:
     """Print the tables."""
+    if "--past" in sys.argv[1:]:
+        _show_largest_of_all(show_exact([past_obstacles], DISTANCES[-1:]))
+        return
     if "--grid" in sys.argv[1:]:
         show_largest(show_arrivals(REFLECTED + DIFFRACTED))
         print("\nsound bent by two edges of different walls, which has no path; relative to a flat wall, dB")
         for scene in TWICE_BENT:
             print(f"{scene.name:70}{decibels(unexplained(scene)):8.1f}", flush=True)
-    cases = show_exact() + show_exact([traces])
+    _show_largest_of_all(show_exact() + show_exact([traces]))
+
+
+def _show_largest_of_all(cases: Sequence[Case]) -> None:
     held = [case for case in cases if case.held]
     worst = [max(held, key=lambda case: sign * (case.paths - case.wave)) for sign in (1, -1)]
     print(f"\n{len(cases)} cases, {len(held)} held; largest differences of these:", end=" ")

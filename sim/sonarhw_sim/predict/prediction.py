@@ -75,6 +75,7 @@ class PredictionOptions:
     single: bool = False  # only paths of one reflection or one edge
     grain: int | None = None  # seed of the speckle of rough surfaces; None: their mean power
     sections: int = 1  # number of horizontal sections across the face, for a place with a height
+    shadows: bool = True  # whether sound bends past obstacles on the way out and back, and past thin posts
     own_body: bool = False  # also the echoes of the carrier's own body (`own_body` of the board)
 
     def __post_init__(self) -> None:
@@ -170,6 +171,7 @@ def search_for(room: Room, board: Board, options: PredictionOptions) -> PathSear
         options.edge_strength or board.edge_strength,
         10 ** ((board.threshold_db - below) / 20) / gained,
         ka=board.wavenumber(room.air) * board.aperture_radius,
+        shadows=options.shadows,
     )
 
 

@@ -566,18 +566,20 @@ def follow_fan(
     detectable: Detectable,
     passing: Passing | None = None,
     steepest: FloatArray | None = None,
+    passed_below: float = 0.0,
 ) -> Fan:
     """Follow every ray from `source` (2,) until its path is too long or too faint for every target.
 
     `directions` (n,) rad, evenly spaced. A ray that meets one of the surfaces of `passing` touches or passes it, and
     there are several for each direction, with different slopes. Those that rise or fall more than `steepest` lead to
-    the receiver only: slopes (k,) for amplitudes from 0 to 1, None for no limit.
+    the receiver only: slopes (k,) for amplitudes from 0 to 1, None for no limit. In the plan, rays pass posts of
+    a radius under `passed_below` m.
 
     Returns each sequence of surfaces to a target once, and always the direct path to every target but the receiver.
 
     Raises InputError if rays times reflections, or the candidates, would need too much memory.
     """
-    search = _search(room, source, directions, targets, max_bounces, detectable, passing, steepest)
+    search = _search(room, source, directions, targets, max_bounces, detectable, passing, steepest, passed_below)
 
     def followed(begin: int, end: int) -> tuple[CandidateTable, int, int]:
         space = _workspace(len(targets.points), search.slopes.shape[1])
@@ -598,6 +600,7 @@ def _search(
     detectable: Detectable,
     passing: Passing | None,
     steepest: FloatArray | None,
+    passed_below: float,
 ) -> _Search:
     """Return the arguments of `follow_fan` for kernels."""
     # what NumPy does as fast is not compiled: a call of min(), zeros() or full() in a kernel costs a tenth of a second
@@ -605,6 +608,7 @@ def _search(
     points, longest, radii = targets
     spacing, max_length = float(directions[1] - directions[0]), float(longest.max())
     heights, slopes = no_heights(len(room.reflectances)), np.zeros((len(directions), 1))
+    surfaces = room.blocking(passed_below if passing is None else 0.0)
     if passing is not None:
         # a path has one slope, and few of the rays nearest to it have a similar one
         spacing *= WIDER
@@ -620,7 +624,7 @@ def _search(
         source,
         directions,
         slopes,
-        room.surfaces,
+        surfaces,
         heights,
         room.reflectances,
         points,

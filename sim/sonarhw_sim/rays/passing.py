@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
 from sonarhw_sim.compiled import array_part, compiled, compiled_part
-from sonarhw_sim.room.grid import IntArray, Listing, Surfaces, advance, enter, listed
+from sonarhw_sim.room.grid import IntArray, Listing, Surfaces, advance, enter, listed, only
 
 BoolArray = NDArray[np.bool_]
 
@@ -129,14 +129,6 @@ class Passing:
         within = (share - bounds[which]) / (bounds[which + 1] - bounds[which])
         of_climbs = self.climbs[which] / (longest[which] * np.sqrt(np.maximum(within, 1e-6)))
         return np.hstack((of_climbs, np.sign(of_climbs) * np.tan(math.pi / 2 * share**2)))
-
-
-def only(surfaces: Surfaces, chosen: BoolArray) -> Surfaces:
-    """Return surfaces with a grid that lists only the chosen ones, (s,) bool."""
-    starts, numbers = surfaces.listing
-    kept = chosen[numbers]
-    before = np.append(0, np.cumsum(kept)).astype(np.int32)
-    return surfaces._replace(listing=Listing(before[starts], numbers[kept]))
 
 
 def no_climbs(surfaces: Surfaces) -> Climbs:

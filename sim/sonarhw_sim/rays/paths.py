@@ -16,10 +16,12 @@ from sonarhw_sim.rays.fan import PathTable, Targets, TransducerAxes, all_rays, f
 from sonarhw_sim.rays.passing import Passing, at_heights
 from sonarhw_sim.rays.posts import (
     MOST_REFLECTIONS,
+    THIN,
     Chains,
     PostSearch,
     PostWays,
     chains_of,
+    past_thin_posts,
     post_paths,
     post_paths_to_edges,
     ways_from_posts,
@@ -36,6 +38,7 @@ from sonarhw_sim.rays.sequences import (
     shortest_first,
     solved_paths,
 )
+from sonarhw_sim.rays.shadows import with_shadows
 from sonarhw_sim.room.grid import IntArray
 from sonarhw_sim.room.room import Room
 
@@ -65,6 +68,7 @@ class PathSearch:
     faintest_diffraction: float = 1e-3  # gain; fainter diffracted paths are omitted, because their number is infinite
     axes: TransducerAxes | None = None  # where sender and receiver point, to list only paths that they can detect
     ka: float | None = None  # of a transducer at any heading, to list only diffracted paths that it can detect
+    shadows: bool = True  # whether sound bends past obstacles on the way out and back, and past thin posts
 
     @property
     def directions(self) -> FloatArray:
@@ -184,7 +188,9 @@ def find_paths(
         return _paths_of(PartialPaths.none())
     edges = _diffracting_edges(room, source, end, search)
     longest, bounces = search.max_length + SLACK, search.max_bounces
-    posts = PostSearch(room, longest, min(bounces, MOST_REFLECTIONS), search.faintest_diffraction, passing)
+    most, shadows = min(bounces, MOST_REFLECTIONS), search.shadows and passing is None
+    passed_below = THIN * search.wavelength if shadows else 0.0
+    posts = PostSearch(room, longest, most, search.faintest_diffraction, passing, passed_below)
     out_ways = ways_to_posts(posts, source, end, search.directions)
     between, to_edges = ways_from_posts(posts, source, end, edges)
     chains = chains_of(posts, out_ways, between)
@@ -202,12 +208,16 @@ def find_paths(
         columns = diffracted.points, diffracted.surfaces, diffracted.bends, diffracted.lengths
         diffracted = diffracted.select(np.flatnonzero(at_heights(*columns, passing.to_receiver)))
     touching = post_paths(posts, source, end, chains, back_ways)
-    reflected = PartialPaths.join([straight, with_thin_posts(room, touching, search.wavelength)])
+    reflected = PartialPaths.join([straight, with_thin_posts(room, touching, search.wavelength, shadows)])
     if passing is not None:
         return _paths_of(sequences_once(PartialPaths.join([reflected, diffracted]), both_ways=receiver is None))
+    if shadows and search.diffraction and search.edge_strength is EdgeStrength.UNIFORM:
+        limits = search.wavelength, search.faintest_diffraction
+        reflected = with_shadows(room, reflected, source, end, longest, bounces, limits)
     # rays leave gaps, which are seldom the same for a path and its reverse
     reverses = missing_reverses(reflected) if receiver is None else PartialPaths.none()
-    return _paths_of(shortest_first(PartialPaths.join([reflected, reverses, diffracted])))
+    paths = shortest_first(PartialPaths.join([reflected, reverses, diffracted]))
+    return _paths_of(past_thin_posts(room, paths, search.wavelength, search.faintest_diffraction) if shadows else paths)
 
 
 def _partial_paths_from(
@@ -232,12 +242,13 @@ def _partial_paths_from(
         distances, onward = (np.hypot(*(points[1:] - end).T) for end in (place, other))
         detectable = axes.detectable(directions, np.append(1.0, search.edge_diffraction.loudest(distances, onward)))
     bounces, passing = search.max_bounces, posts.passing
-    fan_ = follow_fan(room, place, directions, targets, bounces, detectable, passing, search.steepest_bent)
-    partial = solved_paths(room, place, fan_, targets, np.append(-1, edges).astype(np.int32), passing)
+    steepest, leads_to = search.steepest_bent, np.append(-1, edges).astype(np.int32)
+    fan_ = follow_fan(room, place, directions, targets, bounces, detectable, passing, steepest, posts.passed_below)
+    partial = solved_paths(room, place, fan_, targets, leads_to, passing, posts.passed_below)
     touching = post_paths_to_edges(posts, place, *by_posts, edges, longest)
     if len(touching):
         partial = PartialPaths.join([partial, _new(touching, partial)])
-    partial = with_thin_posts(room, partial, search.wavelength)
+    partial = with_thin_posts(room, partial, search.wavelength, posts.passed_below > 0.0)
     return partial if axes is None else partial.select(_departing(partial, axes, edges, detectable.least))
 
 

@@ -1,4 +1,4 @@
-"""Paths by posts: every chain of up to three reflections, and how strongly a thin post reflects."""
+"""Paths by posts and past thin ones: chains of up to three reflections, and how strongly a thin post scatters."""
 
 import math
 from dataclasses import dataclass, replace
@@ -9,61 +9,358 @@ from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
 from sonarhw_sim.board.beam import ComplexArray
+from sonarhw_sim.compiled import compiled, compiled_part, inlined
 from sonarhw_sim.rays.fan import Fan, PathTable, Targets, all_rays, direct_candidates, fan, follow_fan
 from sonarhw_sim.rays.passing import Passing
 from sonarhw_sim.rays.sequences import PartialPaths, solve_candidates, solved_paths
 from sonarhw_sim.room.grid import IntArray, Listing, whole_numbers
 from sonarhw_sim.room.room import Room
 
-# How strongly a thin post reflects: the exact series of a cylinder, where ray optics is wrong.
+# How strongly a thin post scatters sound: the exact series of a cylinder, where ray optics is wrong.
+#
+# Far from the cylinder, the scattered wave is -√(2 / (π k r)) exp(jπ/4) f with f = Σ εₙ Jₙ*(ka) / Hₙ*(ka) cos nθ,
+# where Z* = Z′ − j β Z, β = (1 − ρ)/(1 + ρ) is the admittance relative to that of air, and θ is the angle by which the
+# sound turns plus π (Morse and Ingard, Theoretical Acoustics, ch. 8). Its phase is that of a wave by way of the
+# centre. At distances s and s′ nearer than that, the term n of the series is turned by -n² (1/s + 1/s′) / 2k, from the
+# next term of the asymptotic series of the Hankel functions.
 
 
-THIN = 0.005  # m: ray optics is good enough for posts from this radius on
-_TERMS = 24  # more than enough for ka up to 8, or 86 kHz
+THIN = 3.66  # wavelengths of radius: of thinner posts, the wave is computed, and sound passes them
+_MOST_SITES = 16  # posts beside one straight part of a path; of more, the least far aside
+_TURN = 0.14  # rad: sound that turns less at a post belongs to the path past it
+_LEAST_TURNS = 3.0  # times the angle at which sound beside the post touches it
+_LARGEST_TURN = 0.5  # rad: sound that turns by twice as much never belongs to the path past the post
+
+
+@lru_cache(maxsize=4096)
+def _series(ka: float, reflectance: float) -> ComplexArray:
+    """Return the factors εₙ Jₙ*(ka) / Hₙ*(ka) of the series, (n,)."""
+    from scipy.special import h2vp, hankel2, jv, jvp  # slow to import, and most rooms have no thin posts
+
+    order = np.arange(math.ceil(ka + 6 * ka ** (1 / 3)) + 8)
+    admittance = 1j * (1.0 - reflectance) / (1.0 + reflectance)
+    returned = (jvp(order, ka) - admittance * jv(order, ka)) / (h2vp(order, ka) - admittance * hankel2(order, ka))
+    return np.asarray(np.where(order == 0, 1.0, 2.0) * returned)
+
+
+def _table_of_series(ka: FloatArray, reflectances: FloatArray) -> ComplexArray:
+    """Return the factors of the series of each cylinder, (p, n), padded with 0."""
+    rows = [_series(*pair) for pair in zip(ka.tolist(), reflectances.tolist(), strict=True)]
+    table = np.zeros((len(rows), max(map(len, rows), default=0)), np.complex128)
+    for row, factors in enumerate(rows):
+        table[row, : len(factors)] = factors
+    return table
+
+
+@compiled
+def _fill_scattered(series: ComplexArray, rows: NDArray[np.intp], turns: FloatArray, scattered: ComplexArray) -> None:
+    """Fill in f far from the cylinders `rows` (n,) of `series`, for sound that turns by so many rad, (n,)."""
+    for k in range(rows.shape[0]):
+        scattered[k] = _scattered(series[rows[k]], turns[k], 0.0)
+
+
+@compiled_part
+def _scattered(factors: ComplexArray, turn: float, near: float) -> complex:
+    """Return Σ εₙ Jₙ*/Hₙ* cos(n θ) exp(-j n² near) for sound that turns by θ, rad."""
+    cosine, before, now = math.cos(turn), 1.0, math.cos(turn)
+    step = complex(math.cos(near), -math.sin(near))
+    twice = step * step
+    phase = step
+    total: complex = factors[0]
+    for n in range(1, factors.shape[0]):
+        total += factors[n] * now * phase
+        before, now = now, 2.0 * cosine * now - before
+        step *= twice
+        phase *= step
+    return total
 
 
 def cylinder_factor(ka: FloatArray, incidence: FloatArray, reflectances: FloatArray) -> ComplexArray:
     """Return the amplitude of an echo from a cylinder relative to ray optics, (n,) complex.
 
     `ka` (n,) is the wave number times the radius, `incidence` (n,) rad that of the ray, `reflectances` (n,), over 0,
-    those of the surface. Far from the cylinder, the scattered wave is -√(2 / (π k r)) exp(jπ/4) f with
-    f = Σ εₙ Jₙ*(ka) / Hₙ*(ka) cos n(π − 2i), where Z* = Z′ − j β Z and β = (1 − ρ)/(1 + ρ) is the admittance relative
-    to that of air (Morse and Ingard, Theoretical Acoustics, ch. 8). Its phase is that of a wave by way of the centre.
-    Ray optics gives ρ √(a cos i / (2 r)), by way of the side, which is shorter by 2 a cos i.
+    those of the surface. Ray optics gives ρ √(a cos i / (2 r)), by way of the side, which is shorter by 2 a cos i.
     """
-    from scipy.special import h2vp, hankel2, jv, jvp  # slow to import, and most rooms have no thin posts
+    return _relative_to_rays(ka, reflectances, np.arange(len(ka)), incidence)
 
-    order = np.arange(_TERMS)[:, None]
-    weight = np.where(order == 0, 1.0, 2.0)
-    admittance = 1j * (1.0 - reflectances) / (1.0 + reflectances)
-    returned = (jvp(order, ka) - admittance * jv(order, ka)) / (h2vp(order, ka) - admittance * hankel2(order, ka))
-    total = (weight * returned * np.cos(order * (math.pi - 2 * incidence))).sum(axis=0)
-    cosine = np.cos(incidence)
-    by_rays = np.sqrt(math.pi * ka * cosine) * reflectances * np.exp(2j * ka * cosine - 0.25j * math.pi)
+
+def _relative_to_rays(
+    ka: FloatArray, reflectances: FloatArray, rows: NDArray[np.intp], incidence: FloatArray
+) -> ComplexArray:
+    """Return `cylinder_factor` for some `rows` (n,) of cylinders (p,), whose series are computed once each."""
+    total = np.empty(len(rows), np.complex128)
+    _fill_scattered(_table_of_series(ka, reflectances), rows, math.pi - 2 * incidence, total)
+    cosine, ka = np.cos(incidence), ka[rows]
+    by_rays = np.sqrt(math.pi * ka * cosine) * reflectances[rows] * np.exp(2j * ka * cosine - 0.25j * math.pi)
     return np.asarray(-2 * total / by_rays)
 
 
-def with_thin_posts(room: Room, paths: PartialPaths, wavelength: float) -> PartialPaths:
-    """Return paths by rays with the gain and phase that thin posts give them."""
-    if not (room.posts[:, 2] < THIN).any():
+def with_thin_posts(room: Room, paths: PartialPaths, wavelength: float, passed: bool) -> PartialPaths:
+    """Return paths by rays with the gain and phase that thin posts give them where they touch one.
+
+    With `passed`, sound that hardly turns there belongs to the path past the post (`past_thin_posts`), and is left out.
+    """
+    thin = np.flatnonzero(room.posts[:, 2] < THIN * wavelength)
+    if not len(thin):
         return paths
     factors = np.ones(len(paths), np.complex128)
-    # surface -1, "none", selects the last
-    radii = np.concatenate((np.full(len(room.walls), np.inf), room.posts[:, 2], [np.inf]))[paths.surfaces]
-    row, touch = np.nonzero(radii < THIN)
+    # the row of each surface among the thin posts; surface -1, "none", selects the last
+    numbers = np.full(len(room.walls) + len(room.posts) + 1, -1)
+    numbers[len(room.walls) + thin] = np.arange(len(thin))
+    touched = numbers[paths.surfaces]
+    row, touch = np.nonzero(touched >= 0)
     if len(row):
         # the edge of a diffracted path is a point between two reflections
         point = touch + 1 + ((paths.edges[row] >= 0) & (touch >= paths.bends[row]))
         before, contact, after = (paths.points[row, point + step] for step in (-1, 0, 1))
         back, onward = _unit(before - contact), _unit(after - contact)
         incidence = np.arccos(np.clip((back * onward).sum(axis=1), -1.0, 1.0)) / 2
-        ka = math.tau / wavelength * radii[row, touch]
-        np.multiply.at(factors, row, cylinder_factor(ka, incidence, room.reflectances[paths.surfaces[row, touch]]))
-    return replace(paths, gains=paths.gains * np.abs(factors), phases=paths.phases + np.angle(factors))
+        post, radii = touched[row, touch], room.posts[thin, 2]
+        reflectances = room.reflectances[len(room.walls) + thin]
+        factor = _relative_to_rays(math.tau / wavelength * radii, reflectances, post, incidence)
+        if passed:
+            legs = np.hypot(*np.moveaxis(np.diff(paths.points, axis=1), -1, 0))[row]
+            first = np.nansum(np.where(np.arange(legs.shape[1]) < point[:, None], legs, 0.0), axis=1)
+            _leave_out_passing(factor, math.pi - 2 * incidence, radii[post], first, np.nansum(legs, axis=1) - first)
+        np.multiply.at(factors, row, factor)
+    paths = replace(paths, gains=paths.gains * np.abs(factors), phases=paths.phases + np.angle(factors))
+    return paths if (paths.gains > 0.0).all() else paths.select(np.flatnonzero(paths.gains > 0.0))
+
+
+@compiled
+def _leave_out_passing(
+    factors: ComplexArray, turns: FloatArray, radii: FloatArray, before: FloatArray, after: FloatArray
+) -> None:
+    """Multiply factors (n,) by the share of sound that belongs to no path past the post."""
+    for k in range(factors.shape[0]):
+        factors[k] *= 1.0 - _passing_share(turns[k], radii[k], before[k], after[k])
+
+
+@compiled_part
+def _passing_share(turn: float, radius: float, before: float, after: float) -> float:
+    """Return the share, 0..1, of sound turned by `turn` (rad) at a post that belongs to the path past it.
+
+    `before` and `after` are the lengths to and from the post, m.
+    """
+    reach = min(max(_TURN, _LEAST_TURNS * radius * (1.0 / before + 1.0 / after)), _LARGEST_TURN)
+    beyond = min(max(turn / reach - 1.0, 0.0), 1.0)
+    share: float = 1.0 - beyond * beyond * (3.0 - 2.0 * beyond)
+    return share
 
 
 def _unit(vectors: FloatArray) -> FloatArray:
     return np.asarray(vectors / np.hypot(vectors[:, 0], vectors[:, 1])[:, None])
+
+
+# Sound past thin posts: the path itself, and what the posts beside it or in its way scatter forward, on the way out, on
+# the way back, and on both.
+#
+# A straight part of a path lies between places where it turns or spreads: its ends, an edge, a post that it touches.
+# Walls only fold it. A post beside it scatters f √(2 D / (π k s s′)) of its sound towards its end, D = s + s′.
+
+
+def past_thin_posts(room: Room, paths: PartialPaths, wavelength: float, faintest: float) -> PartialPaths:
+    """Return paths with what thin posts beside them, and in their way, take from and add to their sound.
+
+    Paths up to 12 dB louder than `faintest` are left as they are, because they are many.
+    """
+    thin = np.flatnonzero(room.posts[:, 2] < THIN * wavelength)
+    if not len(thin) or not len(paths):
+        return paths
+    wavenumber = math.tau / wavelength
+    reflectances = room.reflectances[len(room.walls) + thin]
+    series = _table_of_series(wavenumber * room.posts[thin, 2], reflectances)
+    factors = np.ones(len(paths), np.complex128)
+    loud = paths.gains >= _LOUDER * faintest
+    columns = paths.points, paths.surfaces, paths.edges, paths.bends
+    _fill_passed(*columns, loud, len(room.walls), thin, room.posts[thin], series, wavenumber, factors)
+    return replace(paths, gains=paths.gains * np.abs(factors), phases=paths.phases + np.angle(factors))
+
+
+@compiled
+def _fill_passed(
+    points: FloatArray,
+    surfaces: IntArray,
+    edges: IntArray,
+    bends: IntArray,
+    loud: NDArray[np.bool_],
+    walls: int,
+    thin: NDArray[np.intp],
+    posts: FloatArray,
+    series: ComplexArray,
+    wavenumber: float,
+    factors: ComplexArray,
+) -> None:
+    """Fill in the factor (n,) by which thin `posts` (t, 3), rows `thin` of those of the room, change each loud path."""
+    sites, ways = np.empty((_MOST_SITES, 3)), np.empty((_MOST_SITES + 1, _MOST_SITES), np.complex128)
+    for row in range(points.shape[0]):
+        if not loud[row]:
+            continue
+        last = 0
+        while last + 1 < points.shape[1] and not math.isnan(points[row, last + 1, 0]):
+            last += 1
+        begin, from_post = 0, -1
+        for point in range(1, last + 1):
+            touched = _touched_at(point, last, surfaces[row], edges[row], bends[row])
+            if 0 <= touched < walls:
+                continue
+            to_post = touched - walls
+            part = points[row, begin : point + 1]
+            count, length = _find_sites(part, from_post, to_post, thin, posts, sites)
+            if count > 0:
+                _sort_sites(count, sites)
+                factors[row] *= _past(count, sites, length, posts, series, wavenumber, ways)
+            begin, from_post = point, to_post
+
+
+@inlined
+def _touched_at(point: int, last: int, surfaces: IntArray, edge: int, bend: int) -> int:
+    """Return the surface that a path touches at a point; -1 at an edge and at the end."""
+    if point == last:
+        return -1
+    if edge < 0:
+        return int(surfaces[point - 1])
+    if point == bend + 1:
+        return -1
+    return int(surfaces[point - 1 if point <= bend else point - 2])
+
+
+@compiled_part
+def _find_sites(
+    part: FloatArray, from_post: int, to_post: int, thin: NDArray[np.intp], posts: FloatArray, sites: FloatArray
+) -> tuple[int, float]:
+    """Fill in the thin posts beside a straight part (k, 2) of a path, in order; return their number and its length.
+
+    A site is the row of the post, its distance along the part (m), and to its left as at the begin (m).
+
+    The part begins at `from_post` and ends at `to_post`, if they are not negative.
+    """
+    legs, whole, count = part.shape[0] - 1, 0.0, 0
+    for leg in range(legs):
+        whole += math.hypot(part[leg + 1, 0] - part[leg, 0], part[leg + 1, 1] - part[leg, 1])
+    before, side = 0.0, 1.0
+    for leg in range(legs):
+        x, y = part[leg, 0], part[leg, 1]
+        dx, dy = part[leg + 1, 0] - x, part[leg + 1, 1] - y
+        length = math.hypot(dx, dy)
+        if length > 0.0:
+            dx, dy = dx / length, dy / length
+            for k in range(posts.shape[0]):
+                cx, cy = posts[k, 0] - x, posts[k, 1] - y
+                ahead, aside = cx * dx + cy * dy, cy * dx - cx * dy
+                along = before + ahead
+                if ahead <= 0.0 or ahead >= length or abs(aside) >= 2.0 * min(along, whole - along):
+                    continue
+                if (leg == 0 and thin[k] == from_post) or (leg == legs - 1 and thin[k] == to_post):
+                    continue
+                turn = math.atan(aside / along) + math.atan(aside / (whole - along))
+                share = _passing_share(abs(turn), posts[k, 2], along, whole - along)
+                if share > 0.0:
+                    count = _enter_site(count, k, along, side * aside, sites)
+        before, side = before + length, -side
+    return count, whole
+
+
+@compiled_part
+def _enter_site(count: int, post: int, along: float, aside: float, sites: FloatArray) -> int:
+    """Enter a site, if there is no room instead of the one farthest aside; return the number of sites."""
+    row = count
+    if count == sites.shape[0]:
+        row = 0
+        for k in range(1, count):
+            if abs(sites[k, 2]) > abs(sites[row, 2]):
+                row = k
+        if abs(aside) >= abs(sites[row, 2]):
+            return count
+    sites[row, 0], sites[row, 1], sites[row, 2] = post, along, aside
+    return int(min(count + 1, sites.shape[0]))
+
+
+@compiled_part
+def _sort_sites(count: int, sites: FloatArray) -> None:
+    """Sort sites by their distance along the part."""
+    for k in range(1, count):
+        post, along, aside = sites[k, 0], sites[k, 1], sites[k, 2]
+        row = k
+        while row > 0 and sites[row - 1, 1] > along:
+            sites[row, 0], sites[row, 1], sites[row, 2] = sites[row - 1, 0], sites[row - 1, 1], sites[row - 1, 2]
+            row -= 1
+        sites[row, 0], sites[row, 1], sites[row, 2] = post, along, aside
+
+
+@compiled_part
+def _past(
+    count: int,
+    sites: FloatArray,
+    length: float,
+    posts: FloatArray,
+    series: ComplexArray,
+    wavenumber: float,
+    ways: ComplexArray,
+) -> complex:
+    """Return the factor of sound past posts at `count` sites, rows of `posts`, on a part of a path `length` m long.
+
+    The sum of all ways from its begin to its end by sites in order. `ways` [site + 1, next site] is the sound of those
+    that come to the next site from a site, or from the begin in row 0; the column after the last site is the end.
+    """
+    total = complex(0.0, 0.0)
+    for site in range(count):
+        ways[0, site] = _leg(sites[site, 1], sites[site, 2], wavenumber)
+        for following in range(site + 1, count + 1):
+            along, aside = (sites[following, 1], sites[following, 2]) if following < count else (length, 0.0)
+            ahead, across = along - sites[site, 1], aside - sites[site, 2]
+            sound = complex(0.0, 0.0)
+            if ahead > 0.0:
+                for earlier in range(-1, site):
+                    before, beside = sites[site, 1], sites[site, 2]
+                    if earlier >= 0:
+                        before, beside = before - sites[earlier, 1], beside - sites[earlier, 2]
+                    if before > 0.0:
+                        sound += ways[earlier + 1, site] * _sent_on(
+                            before,
+                            beside,
+                            ahead,
+                            across,
+                            posts[int(sites[site, 0]), 2],
+                            series[int(sites[site, 0])],
+                            wavenumber,
+                        )
+                sound *= _leg(ahead, across, wavenumber)
+            if following == count:
+                total += sound
+            else:
+                ways[site + 1, following] = sound
+    return 1.0 + total * math.sqrt(length)
+
+
+@compiled_part
+def _leg(ahead: float, across: float, wavenumber: float) -> complex:
+    """Return the sound that goes so far, with the phase that it has beyond that of the way straight ahead."""
+    distance = math.hypot(ahead, across)
+    phase = wavenumber * (distance - ahead)
+    return complex(math.cos(phase), -math.sin(phase)) / math.sqrt(distance)
+
+
+@compiled_part
+def _sent_on(
+    before: float,
+    beside: float,
+    ahead: float,
+    across: float,
+    radius: float,
+    factors: ComplexArray,
+    wavenumber: float,
+) -> complex:
+    """Return what a post scatters of sound that came `before` m ahead and `beside` m aside, and goes on like that."""
+    turn = abs(math.atan(across / ahead) - math.atan(beside / before))
+    to_post, from_post = math.hypot(before, beside), math.hypot(ahead, across)
+    share = _passing_share(turn, radius, to_post, from_post)
+    if share == 0.0:
+        return complex(0.0, 0.0)
+    size = -share / math.sqrt(math.pi * wavenumber)
+    near = (1.0 / to_post + 1.0 / from_post) / (2.0 * wavenumber)
+    # the square root of 2, with the phase of exp(jπ/4)
+    return size * complex(1.0, 1.0) * _scattered(factors, turn, near)
 
 
 # Ways over walls from a place or a post to the centres of posts and to edges, found by a fan of rays.
@@ -82,6 +379,7 @@ class PostSearch:
     max_bounces: int  # at most MOST_REFLECTIONS
     faintest: float  # gain; fainter paths by several posts, or by posts to edges, may be omitted
     passing: Passing | None  # low surfaces that sound may pass; None: a search in the plan
+    passed_below: float  # m, the radius of posts that sound passes
 
 
 @dataclass(frozen=True)
@@ -111,7 +409,7 @@ def ways_to_posts(search: PostSearch, place: FloatArray, other: FloatArray, dire
     radii = posts[:, 2]
     longest = search.max_length + radii - np.hypot(*(posts[:, :2] - other).T)
     targets = Targets(posts[:, :2], longest, radii)
-    return _ways(search.room, place, -1, targets, directions, most, search.passing)
+    return _ways(search.room, place, -1, targets, directions, most, search.passing, search.passed_below)
 
 
 def ways_from_posts(
@@ -126,7 +424,7 @@ def ways_from_posts(
         return PostWays.none(), PostWays.none()
     # the rays of a fan with slopes begin at the height of the transducer, which sound at a post need not have
     most = search.max_bounces - 1 if search.passing is None else 0
-    count, ways = len(room.posts), _ways_of_room(room, max_length, most)
+    count, ways = len(room.posts), _ways_of_room(room, max_length, most, search.passed_below)
     targets, radii = _posts_and_edges(room)
     away = np.minimum(*(np.hypot(*(targets - place).T) for place in (source, end)))
     listed = np.append(np.ones(count, np.bool_), np.isin(np.arange(len(room.edges)), edges))
@@ -148,12 +446,15 @@ def _posts_and_edges(room: Room) -> tuple[FloatArray, FloatArray]:
 
 # the ways are the same for every place, and scans of one room follow each other
 @lru_cache(maxsize=1)
-def _ways_of_room(room: Room, max_length: float, most: int) -> PostWays:
+def _ways_of_room(room: Room, max_length: float, most: int, passed_below: float) -> PostWays:
     """Return the ways of up to `most` walls, up to `max_length` (m), from each post to posts and edges."""
     points, radii = _posts_and_edges(room)
     targets, directions = Targets(points, np.full(len(points), max_length), radii), fan(_RAYS)
     return PostWays.join(
-        [_ways(room, points[post], post, targets, directions, most, None) for post in range(len(room.posts))]
+        [
+            _ways(room, points[post], post, targets, directions, most, None, passed_below)
+            for post in range(len(room.posts))
+        ]
     )
 
 
@@ -165,6 +466,7 @@ def _ways(
     directions: FloatArray,
     most: int,
     passing: Passing | None,
+    passed_below: float,
 ) -> PostWays:
     """Return the ways of up to `most` walls from `place` (2,), the post `start`, to targets."""
     # the receiver, target 0, is none of them
@@ -172,7 +474,9 @@ def _ways(
     count = len(targets.points)
     near = Fan(np.full((1, MOST_REFLECTIONS - 1), -1, np.int32), direct_candidates(count))
     if most:
-        near = follow_fan(room, place, directions, targets, most, all_rays(len(directions), count), passing)
+        near = follow_fan(
+            room, place, directions, targets, most, all_rays(len(directions), count), passing, passed_below=passed_below
+        )
     candidates = near.candidates
     touched = np.where(np.arange(near.touched.shape[1]) < candidates[:, 1:2], near.touched[candidates[:, 0]], -1)
     over_walls = (touched < len(room.walls)).all(axis=1) & (candidates[:, 2] > 0)
@@ -361,4 +665,6 @@ def _solved(
     bounces = (sequences >= 0).sum(axis=1)
     sequences = np.ascontiguousarray(sequences[:, : bounces.max()])
     candidates = np.column_stack((np.arange(len(sequences)), bounces, target)).astype(np.int32)
-    return solved_paths(search.room, source, Fan(sequences, candidates), targets, leads_to, search.passing)
+    return solved_paths(
+        search.room, source, Fan(sequences, candidates), targets, leads_to, search.passing, search.passed_below
+    )

@@ -535,9 +535,13 @@ def solved_paths(
     targets: Targets,
     leads_to: IntArray,
     passing: Passing | None,
+    passed_below: float = 0.0,
 ) -> PartialPaths:
-    """Return those candidates of a fan that are real paths; `leads_to` (t,) is the edge at each target or -1."""
-    blocking = room.surfaces if passing is None else passing.blocking
+    """Return those candidates of a fan that are real paths; `leads_to` (t,) is the edge at each target or -1.
+
+    In the plan, posts of a radius under `passed_below` m block no path.
+    """
+    blocking = room.blocking(passed_below) if passing is None else passing.blocking
     # the height of a path to an edge is not known yet
     climbs = passing.to_receiver if passing is not None and leads_to[0] < 0 else None
     real, points, lengths, divergences = solve_candidates(place, fan, targets, blocking, climbs)

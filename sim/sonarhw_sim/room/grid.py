@@ -68,6 +68,14 @@ def lay_grid(walls: FloatArray, posts: FloatArray) -> Surfaces:
     return Surfaces(walls, posts, *_grid_around(boxes.reshape(-1, 2), boxes, walls))
 
 
+def only(surfaces: Surfaces, chosen: NDArray[np.bool_]) -> Surfaces:
+    """Return surfaces with a grid that lists only the chosen ones, (s,) bool."""
+    starts, numbers = surfaces.listing
+    kept = chosen[numbers]
+    before = np.append(0, np.cumsum(kept)).astype(np.int32)
+    return surfaces._replace(listing=Listing(before[starts], numbers[kept]))
+
+
 def lay_wall_grid(points: FloatArray, walls: FloatArray) -> tuple[Cells, Listing]:
     """Return a grid that covers `points` (p, 2), with the walls (n, 4) that cross each cell."""
     return _grid_around(points, _boxes_of(walls), walls)

@@ -18,7 +18,7 @@ from sonarhw.readings import FloatArray, same_values
 from sonarhw_sim.air import Air
 from sonarhw_sim.files import Shipped, parse_toml
 from sonarhw_sim.room.edges import Edges, EdgesByHeight, edges_on_walls, find_edges, find_edges_by_height
-from sonarhw_sim.room.grid import Listing, Surfaces, lay_grid
+from sonarhw_sim.room.grid import Listing, Surfaces, lay_grid, only
 from sonarhw_sim.room.room_file import (
     MAX_COORDINATE,
     MEETING,
@@ -382,6 +382,13 @@ class Room:
     def surfaces(self) -> Surfaces:
         """Walls and posts in the form that kernels use."""
         return lay_grid(self.walls, self.posts)
+
+    def blocking(self, passed_below: float) -> Surfaces:
+        """Return the surfaces with a grid that lists no post of a radius below this (m), which sound passes."""
+        passed = self.posts[:, 2] < passed_below
+        if not passed.any():
+            return self.surfaces
+        return only(self.surfaces, np.append(np.ones(len(self.walls), np.bool_), ~passed))
 
     @cached_property
     def enclosures(self) -> Enclosures:

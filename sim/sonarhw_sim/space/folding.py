@@ -13,11 +13,11 @@ from sonarhw_sim.board.beam import ComplexArray
 from sonarhw_sim.compiled import array_part, compiled, compiled_part, inlined
 from sonarhw_sim.rays import fan
 from sonarhw_sim.rays.diffraction import amplitudes_at_edges
-from sonarhw_sim.rays.passing import Passages, Passing, only, pass_low, room_for_passages
+from sonarhw_sim.rays.passing import Passages, Passing, pass_low, room_for_passages
 from sonarhw_sim.rays.paths import SLACK, Paths, PathSearch
 from sonarhw_sim.rays.sequences import first_of_kind, hashes_of
 from sonarhw_sim.room.edges import Edges
-from sonarhw_sim.room.grid import IntArray, Surfaces
+from sonarhw_sim.room.grid import IntArray, Surfaces, only
 from sonarhw_sim.room.room import Place, Room, find_enclosures
 from sonarhw_sim.room.room_file import Span
 from sonarhw_sim.space.levels import KernelLevels, Levels, LevelSequence, is_within

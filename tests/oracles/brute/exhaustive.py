@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
 _END = 1e-9  # m, beyond the end of a wall that still counts as the wall
 _AT_END = 1e-7  # m, near the end of a leg, where a surface does not block it
-_THIN = 0.005  # m: thinner posts return the exact wave
+_THIN = 3.66  # wavelengths of radius: thinner posts return the exact wave
 _SWEEPS, _HALVINGS = 12, 32
 
 
@@ -221,7 +221,7 @@ def _way(scene: Scene, points: Floats, surfaces: Ints) -> Way:
             normal = (points[k + 1] - (x, y)) / radius
             cosine = float(-legs[k] @ normal / lengths[k])
             opening += 2 * width / (radius * cosine)
-            if radius < _THIN:
+            if radius < _THIN * scene.wavelength:
                 gain *= _of_thin_post(math.tau / scene.wavelength * radius, math.acos(min(cosine, 1.0)), reflectance)
         width += opening * float(lengths[k + 1])
     length = float(lengths.sum())
@@ -231,7 +231,7 @@ def _way(scene: Scene, points: Floats, surfaces: Ints) -> Way:
 def _of_thin_post(ka: float, incidence: float, reflectance: float) -> complex:
     """Return the far wave of a cylinder with an impedance, relative to its ray."""
     total, admittance = 0j, 1j * (1 - reflectance) / (1 + reflectance)
-    for order in range(30):
+    for order in range(60):
         returned = (jvp(order, ka) - admittance * jv(order, ka)) / (h2vp(order, ka) - admittance * hankel2(order, ka))
         total += complex((1 if order == 0 else 2) * returned * math.cos(order * (math.pi - 2 * incidence)))
     # the wave by way of the centre, of a longer way than by the side

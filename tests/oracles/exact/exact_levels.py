@@ -20,6 +20,7 @@ Point = NDArray[np.float64]  # (2,), m
 WAVELENGTH = 343.99 / 49_400
 WAVENUMBER = math.tau / WAVELENGTH
 _SILENT = 1e-6  # amplitude, in place of 0
+_BURST = 0.1  # m
 
 
 def decibels(amplitude: complex) -> float:
@@ -45,6 +46,18 @@ def by_paths(
     rows = np.flatnonzero(((paths.bounces > 0) | (paths.edges >= 0)) & (paths.lengths > longer_than))
     phasors = paths.gains[rows] * np.exp(1j * (paths.phases[rows] - WAVENUMBER * paths.lengths[rows]))
     return decibels(complex((phasors * np.sqrt(mirrored / paths.lengths[rows])).sum()))
+
+
+def level_near(
+    walls: Sequence[Sequence[float]], posts: Sequence[Sequence[float]], place: Point, length: float
+) -> float:
+    """Return the level of all paths of a length (m) or little more or less, relative to a perfect wall."""
+    room = room_of(walls, posts, np.ones(len(walls) + len(posts)))
+    search = PathSearch(length + 1.0, WAVELENGTH, faintest_diffraction=1e-5)
+    paths = find_paths(room, tuple(place.tolist()), search)
+    rows = np.flatnonzero(np.abs(paths.lengths - length) < _BURST)
+    phasors = paths.gains[rows] * np.exp(1j * (paths.phases[rows] - WAVENUMBER * paths.lengths[rows]))
+    return decibels(complex((phasors * np.sqrt(length / paths.lengths[rows])).sum()))
 
 
 def by_integral_equation(

@@ -128,7 +128,8 @@ def test_every_path_back_to_its_start_has_its_reverse() -> None:
 @settings(max_examples=20, deadline=None)
 @given(rooms)
 def test_no_path_is_louder_than_its_reflectances_allow(edge_strength: EdgeStrength, furnished: Furnished) -> None:
-    paths = furnished.search(replace(SEARCH, edge_strength=edge_strength))
+    # one path alone; what bends past an obstacle beside it may add to it
+    paths = furnished.search(replace(SEARCH, edge_strength=edge_strength, shadows=False))
     allowed = np.append(furnished.reflectances, 1.0)[paths.surfaces].prod(axis=1)
     if edge_strength is EdgeStrength.UNIFORM:
         # no edge is louder than the louder of its walls

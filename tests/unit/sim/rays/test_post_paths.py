@@ -29,7 +29,7 @@ def scene(walls: np.ndarray, posts: np.ndarray) -> Room:
 
 def found(room: Room, walls: int) -> dict[tuple[int, ...], float]:
     """Return sequence and length of each path of up to three reflections with a post among them."""
-    paths = find_paths(room, HERE, PathSearch(21.4, WAVELENGTH, diffraction=False))
+    paths = find_paths(room, HERE, PathSearch(21.4, WAVELENGTH, diffraction=False, shadows=False))
     sequences = [tuple(row[row >= 0].tolist()) for row in paths.surfaces]
     lengths = dict(zip(sequences, paths.lengths.tolist(), strict=True))
     return {sequence: length for sequence, length in lengths.items() if len(sequence) <= 3 and max(sequence) >= walls}
@@ -91,7 +91,7 @@ def random_cluster(seed: int) -> Scene:
 def test_every_chain_of_thin_posts_over_the_limit_is_found(seed: int) -> None:
     cluster = random_cluster(seed)
     room = room_of(cluster.walls, cluster.posts, cluster.reflectances)
-    paths = find_paths(room, HERE, PathSearch(6.0, WAVELENGTH, diffraction=False))
+    paths = find_paths(room, HERE, PathSearch(6.0, WAVELENGTH, diffraction=False, shadows=False))
     gains, lengths = paths.gains * np.exp(1j * paths.phases), paths.lengths
     by_posts = [way for way in all_ways(cluster, cluster.position, 3, 6.0) if way.touches > 1 and abs(way.gain) > 2e-3]
     assert len(by_posts) > 8
@@ -150,13 +150,13 @@ def test_a_thin_post_is_as_strong_as_the_exact_wave(diameter: float, incidence: 
     assert np.angle(ours / exact) == pytest.approx(0.0, abs=0.03)
 
 
-@pytest.mark.parametrize("radius", [0.001, 0.0049, 0.0051])
+@pytest.mark.parametrize("radius", [0.001, 0.0254, 0.0256])
 def test_the_gain_of_a_path_contains_the_factor_of_thin_posts_only(radius: float) -> None:
     room = scene(np.array([[-30.0, -30.0, -30.0, -31.0]]), np.array([[1.0, 0.5, radius]]))
     paths = find_paths(room, HERE, PathSearch(21.4, WAVELENGTH))
     away = math.hypot(1.0, 0.5) - radius
     exact = cylinder_factor(np.array([math.tau / WAVELENGTH * radius]), np.zeros(1), np.ones(1))[0]
-    factor = abs(exact) if radius < 0.005 else 1.0
+    factor = abs(exact) if radius < 0.0255 else 1.0
     assert paths.gains == pytest.approx(factor * math.sqrt(radius / (radius + away)))
 
 
