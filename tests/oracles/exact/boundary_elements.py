@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lstsq, lu_factor, lu_solve
+from scipy.linalg import lstsq
 from scipy.special import hankel2
 
 from tests.oracles.exact.exact_levels import WAVELENGTH, decibels
@@ -141,18 +141,18 @@ def scattered(scene: RigidScene, place: Point, k: float, receiver: Point | None 
     if not len(ends):
         return total
     layers = [ends] if scene.mirror is None else [ends, _mirrored(ends, scene.mirror)]
-    matrix = sum(_matrix(k, ends, layer) for layer in layers)
+    matrix = np.sum([_matrix(k, ends, layer) for layer in layers], axis=0)
     middles, (_, normals, _) = ends.mean(axis=1), _normals(ends)
-    incident = sum((_gradient(k, middles, point) * normals).sum(axis=1) for point in sources)
+    incident = np.sum([(_gradient(k, middles, point) * normals).sum(axis=1) for point in sources], axis=0)
     inner = scene.inner_points()
     if len(inner):
         # the pressure inside of a solid is 0: else the equations have other solutions at its resonances
-        matrix = np.vstack((matrix, k * sum(_double_layer(k, inner, layer) for layer in layers)))
-        incident = np.append(incident, k * sum(_green(k, inner, point) for point in sources))
+        matrix = np.vstack((matrix, k * np.sum([_double_layer(k, inner, layer) for layer in layers], axis=0)))
+        incident = np.append(incident, k * np.sum([_green(k, inner, point) for point in sources], axis=0))
         jump = lstsq(matrix, -incident, check_finite=False, lapack_driver="gelsy")[0]
     else:
-        jump = lu_solve(lu_factor(matrix, overwrite_a=True, check_finite=False), -incident)
-    return total + complex(sum(_double_layer(k, end[None], layer) for layer in layers)[0] @ jump)
+        jump = np.linalg.solve(matrix, -incident)
+    return total + complex(np.sum([_double_layer(k, end[None], layer)[0] for layer in layers], axis=0) @ jump)
 
 
 def _double_layer(k: float, points: Floats, layer: Floats) -> Complexes:
