@@ -27,6 +27,7 @@ from sonarhw_sim.rays.posts import (
     ways_from_posts,
     ways_to_posts,
     with_thin_posts,
+    with_thin_touched,
 )
 from sonarhw_sim.rays.sequences import (
     PartialPaths,
@@ -52,6 +53,7 @@ RAYS = 5760
 MAX_BOUNCES = 64
 _AMPLITUDES = 33  # steps from 0 to 1
 _LOUDEST_EDGE = 2.0  # amplitude: more than the uniform theory gives of any edge
+_MOST_FOLLOWED = 16  # thin posts that rays meet; of more, the paths would be too many
 SLACK = 1e-9  # m: a path longer than the limit by rounding only is kept
 
 
@@ -243,8 +245,13 @@ def _partial_paths_from(
         detectable = axes.detectable(directions, np.append(1.0, search.edge_diffraction.loudest(distances, onward)))
     bounces, passing = search.max_bounces, posts.passing
     steepest, leads_to = search.steepest_bent, np.append(-1, edges).astype(np.int32)
-    fan_ = follow_fan(room, place, directions, targets, bounces, detectable, passing, steepest, posts.passed_below)
-    partial = solved_paths(room, place, fan_, targets, leads_to, passing, posts.passed_below)
+    below = posts.passed_below
+    fans = [follow_fan(room, place, directions, targets, bounces, detectable, passing, steepest, below)]
+    if 0 < (room.posts[:, 2] < below).sum() <= _MOST_FOLLOWED:
+        # rays pass thin posts: others meet them, and find paths by them with more reflections than those of chains
+        meeting = follow_fan(room, place, directions, targets, bounces, detectable)
+        fans.append(with_thin_touched(room, meeting, below))
+    partial = PartialPaths.join([solved_paths(room, place, fan_, targets, leads_to, passing, below) for fan_ in fans])
     touching = post_paths_to_edges(posts, place, *by_posts, edges, longest)
     if len(touching):
         partial = PartialPaths.join([partial, _new(touching, partial)])

@@ -127,6 +127,16 @@ def with_thin_posts(room: Room, paths: PartialPaths, wavelength: float, passed: 
     return paths if (paths.gains > 0.0).all() else paths.select(np.flatnonzero(paths.gains > 0.0))
 
 
+def with_thin_touched(room: Room, fan_: Fan, passed_below: float) -> Fan:
+    """Return those candidates of a fan that touch a post of a radius under `passed_below` (m)."""
+    thin = np.append(room.posts[:, 2] < passed_below, False)
+    # surface -1, "none", selects the last
+    touched = np.append(np.zeros(len(room.walls), np.bool_), thin)[fan_.touched]
+    first = np.where(touched.any(axis=1), touched.argmax(axis=1), touched.shape[1])
+    rows = np.flatnonzero(first[fan_.candidates[:, 0]] < fan_.candidates[:, 1])
+    return fan_._replace(candidates=np.ascontiguousarray(fan_.candidates[rows]))
+
+
 @compiled
 def _leave_out_passing(
     factors: ComplexArray, turns: FloatArray, radii: FloatArray, before: FloatArray, after: FloatArray
