@@ -21,7 +21,7 @@ from tests.system.docs.page_blocks import blocks_of
 PROGRAMS = {
     block.info: block.text
     for block in blocks_of(CHECKOUT / "docs" / "devices" / "minimum_scanner.md")
-    if block.info in ("python", "cpp")
+    if block.info in ("python", "c")
 }
 # the modules of MicroPython and the functions of Arduino that the programs use; the device is at standard input
 MICROPYTHON = """
@@ -111,7 +111,7 @@ def arduino(folder: Path, program: str) -> list[str]:
     return [str(folder / "minimum")]
 
 
-@pytest.mark.parametrize("language", ["python", "cpp"])
+@pytest.mark.parametrize("language", ["python", "c"])
 def test_a_minimum_scanner_passes_every_stage_and_scans(language: str, tmp_path: Path) -> None:
     build = micropython if language == "python" else arduino
     with running(build(tmp_path, PROGRAMS[language])) as port:
