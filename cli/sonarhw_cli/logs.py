@@ -229,6 +229,8 @@ def import_scan(
     echoes = sum(reading.range is not None for reading in readings)
     options.print_note(f"{counted(len(readings), 'reading')}, {echoes} with an echo, in {out}")
     _warn_of_far_ranges(readings, scale)
+    if columns is None:
+        _warn_of_clamped_ranges(readings)
     if columns is not None and no_echo is None and (likely := likely_no_echo(file, columns)):
         options.warn(f"{likely[1]} ranges are {likely[0]:g}; if this means no echo, add --no-echo {likely[0]:g}")
 
@@ -361,6 +363,18 @@ def _warn_of_far_ranges(readings: "list[Reading]", scale: float) -> None:
         options.warn(
             f"half of the ranges are over {middle:.4g} m, beyond the range of such a board; "
             f"if they are centimetres, use --scale {scale / 100:g}"
+        )
+
+
+def _warn_of_clamped_ranges(readings: "list[Reading]") -> None:
+    """Warn if a tenth of the readings have exactly the longest range, which then likely stands for no echo."""
+    ranges = [round(reading.range, 6) for reading in readings if reading.range is not None]
+    longest = max(ranges, default=0.0)
+    count = ranges.count(longest)
+    if count >= max(3, 0.1 * len(ranges)) and len({*ranges}) > 1:
+        options.warn(
+            f"{count} readings have exactly the longest range, {longest:.4g} m; if this means no echo, add "
+            "--no-echo NUMBER, the number in the file"
         )
 
 
