@@ -91,7 +91,7 @@ def _content(file: Path) -> bytes:
     except FileNotFoundError as error:
         raise InputError(f"{file}: no such file; give the name of a scan") from error
     except OSError as error:
-        raise InputError(f"{file}: cannot be read: {error.strerror}; expected text") from error
+        raise InputError(f"{file}: cannot be read: {error.strerror}; expected a text file") from error
     except ValueError as error:  # a NUL in the name
         raise InputError(f"{file}: {error}") from error
     if not data.strip():
