@@ -214,7 +214,9 @@ def test_a_scan_whose_log_is_deleted_goes_on_in_the_folder_of_recordings(
         with started("scan", url, "--out", log, "--print", "--sweeps", "2") as scanning:
             shown = lines(scanning, 10)
             log.unlink()
-            out, errors = scanning.communicate(timeout=HANG)
+            # not `communicate`, which skips lines that `lines` has read ahead
+            out, errors = scanning.stdout.read(), scanning.stderr.read()
+            scanning.wait(HANG)
     (kept,) = (tmp_path / "data").rglob("*.mcap")
     assert scanning.returncode == 0, errors
     assert f"the recording continues in {kept}, with all readings so far" in errors

@@ -94,7 +94,7 @@ def test_the_end_of_headings_may_be_just_behind_the_start(capsys: Capture) -> No
 @pytest.mark.parametrize(
     ("room", "height", "message"),
     [
-        ("doorstep", float("nan"), "height nan: expected metres between "),
+        ("doorstep", float("nan"), "height: expected a finite number (m), got nan"),
         ("doorstep", -1.0, "height -1: expected metres between "),
         ("doorstep", 1e9, "height 1e+09: expected metres between "),
         ("simple", 0.5, "height 0.5: has no effect: room 'Simple room' has no floor or ceiling"),

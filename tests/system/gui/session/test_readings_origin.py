@@ -54,6 +54,6 @@ def test_readings_of_a_fake_scanner_have_their_name_from_the_first_paint(open_wi
 
     window = open_with(source=never, url="fake:simple?place=figure9")
     assert {"fake: match", "fake trace"} <= legend_texts(window)
-    assert "fake scanner" in window.hint.labels[0].text()
+    assert "none yet" in window.hint.labels[0].text()
     real = open_with(source=never, url="socket://localhost:4000")
     assert {"measured: match", "measured trace"} <= legend_texts(real)
