@@ -263,7 +263,7 @@ def test_picture_of_the_question_in_the_readme(
 def show_questions(qtbot: QtBot, window: MainWindow, album: Album) -> None:
     """A heading without a reading, with its echoes; then the sound at 270°."""
     echoes = window.views.echo_list
-    next(dock for dock in window.views.docks if dock.view is echoes).raise_()
+    next(dock for dock in window.views.docks if dock.isAncestorOf(echoes)).raise_()
     for heading, name in ((200.0, "ask"), (270.0, "sound")):
         window.session.showing.ask(radians(heading))
         until(qtbot, lambda title=f"{heading}°": echoes.title.text().startswith(title))
