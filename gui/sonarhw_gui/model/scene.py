@@ -211,7 +211,7 @@ def bounce_losses(prediction: PredictedScan, path: int) -> list[tuple[int, float
     """Return the losses along a path: number of the corner, and loss in dB.
 
     The loss at a wall follows from its reflectance. Of posts, edges and materials with a table, only the sum of the
-    losses is known. It is returned for the last of them.
+    losses is known. It is returned for the last of them; what bending past obstacles changes, for the last wall.
     """
     paths, room = prediction.paths, prediction.room
     surfaces = [int(surface) for surface in paths.surfaces[path] if surface >= 0]
@@ -229,7 +229,10 @@ def bounce_losses(prediction: PredictedScan, path: int) -> list[tuple[int, float
         else:
             losses.append((corner, _decibels(float(room.reflectances[surface]))))
             rest -= losses[-1][1]
-    return sorted([*losses, (bent, rest)] if bent else losses)
+    if bent:
+        return sorted([*losses, (bent, rest)])
+    # sound that bends past an obstacle belongs to the path by walls
+    return [*losses[:-1], (losses[-1][0], losses[-1][1] + rest)] if losses else []
 
 
 def _decibels(amplitude: float) -> float:

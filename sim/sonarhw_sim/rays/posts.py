@@ -132,7 +132,9 @@ def with_thin_touched(room: Room, fan_: Fan, passed_below: float) -> Fan:
     thin = np.append(room.posts[:, 2] < passed_below, False)
     # surface -1, "none", selects the last
     touched = np.append(np.zeros(len(room.walls), np.bool_), thin)[fan_.touched]
-    first = np.where(touched.any(axis=1), touched.argmax(axis=1), touched.shape[1])
+    first = np.zeros(len(touched), np.intp)
+    if touched.shape[1]:  # else no ray has met anything
+        first = np.where(touched.any(axis=1), touched.argmax(axis=1), touched.shape[1])
     rows = np.flatnonzero(first[fan_.candidates[:, 0]] < fan_.candidates[:, 1])
     return fan_._replace(candidates=np.ascontiguousarray(fan_.candidates[rows]))
 

@@ -155,7 +155,7 @@ def _by_walls(
     real, points, lengths, _ = solve_candidates(source, Fan(sequences, candidates), targets, nothing)
     padded = np.full((len(points), 5, 2), np.nan)
     padded[:, : points.shape[1]] = points
-    return sequences[real], padded[:, :4], lengths
+    return sequences[real], np.ascontiguousarray(padded[:, :4]), lengths  # kernels are compiled for one layout only
 
 
 @lru_cache(maxsize=4)

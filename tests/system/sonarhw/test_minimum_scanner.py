@@ -147,7 +147,7 @@ FAULTS = {
     "angle": ("turn(start + step *", "turn(500 + start + 2 * step *", "StartScan", "angle"),
     "echo in µs": ("[width * 1000]", "[width]", "StartScan", "echo"),
     "fired": ("head = struct", "fired = 0\n    head = struct", "StartScan", "fired_us"),
-    "sequence": ("(sequence + 1) & 0xFFFF", "(sequence + 2) & 0xFFFF", "Configure", "follows"),
+    "sequence": ("(sequence + 1) & 0xFFFF", "(sequence + 2) & 0xFFFF", "Hello or Configure", "follows"),
     "milliseconds": ("sequence, clock()", "sequence, clock() // 1000", "clock", "times as fast"),
 }
 
@@ -162,7 +162,8 @@ def test_a_planted_fault_is_named_at_its_stage(name: str, tmp_path: Path) -> Non
     old, new, stage, words = FAULTS[name]
     assert PROGRAMS["python"].count(old) >= 1
     found = checked(PROGRAMS["python"].replace(old, new), tmp_path)
-    assert (found.check, found.verdict) == (stage, "FAIL"), found
+    assert found.check in stage.split(" or "), found  # a heartbeat may come before or after Hello
+    assert found.verdict == "FAIL"
     assert words in found.text + found.advice
     assert found.advice
 
