@@ -197,12 +197,13 @@ def import_scan(
         listed = ", ".join(known.name for known in IMPORT_FORMATS)
         raise InputError(f"--format {name}: expected {listed}")
     by_columns = heading is not None or distance is not None or decimal_comma or time_column is not None
-    known = None if by_columns and name in ("", "text") else import_format(file, rate, name)
-    if by_columns and (other := import_format(file, rate, name)) is not TEXT:
-        known = other
-    columns = _columns(file, heading, distance, time_column, decimal_comma) if known is None else None
-    options.check_rules(context, _RULES, _facts(known), file=file.name, title=known.title if known else "")
-    _check_values(file, known, threshold, blanking, speed_of_sound, rate, step)
+    file_format: ImportFormat | None = import_format(file, rate, name)
+    if by_columns and file_format is TEXT:
+        file_format = None  # CSV with named columns
+    columns = _columns(file, heading, distance, time_column, decimal_comma) if file_format is None else None
+    title = file_format.title if file_format else ""
+    options.check_rules(context, _RULES, _facts(file_format), file=file.name, title=title)
+    _check_values(file, file_format, threshold, blanking, speed_of_sound, rate, step)
     if full_scale is not None and not full_scale > 0:
         raise InputError(f"--full-scale {full_scale:g}: expected a number above 0")
     meaning = Meaning(

@@ -697,14 +697,7 @@ def _of_records(
         angle = _angle_unit(columns[heading], labels[heading].meaning, stated)
         clockwise = labels[heading].meaning.clockwise
     pattern = _pattern(literals, heading, ranges, angle, reach, stated)
-    layout = replace(
-        stated,
-        preset="",
-        pattern=pattern,
-        unit=stated.unit or (reach.unit if reach.assumed else None),
-        angle=stated.angle or (angle.unit if angle.assumed else None),
-        ends=ends,
-    )
+    layout = _with_pattern(stated, pattern, reach, angle, ends)
     layout = _as_preset(layout, lines, reach, angle)
     if layout.preset == "arduino-radar" and stated.unit is None:
         reach = _Unit("cm", False, "range in centimetres: the sketch that separates readings by '.' or '#' prints them")
@@ -932,7 +925,16 @@ def _repeated_numbers(
     if skipped == 0 and start:
         prefix = start
     pattern = _escaped(f"{prefix}[{repeated}]...")
-    layout = replace(
+    layout = _with_pattern(stated, pattern, reach, angle, ends)
+    proposal = _joined(layout, False, angle, reach, lines, *facts)
+    if lead in ("", "{-}"):
+        proposal = replace(proposal, questions=(*proposal.questions, *_step_question(stated, sensors)))
+    return proposal
+
+
+def _with_pattern(stated: Layout, pattern: str, reach: _Unit, angle: _Unit, ends: str) -> Layout:
+    """Return the stated layout with a pattern, and the units that are assumed."""
+    return replace(
         stated,
         preset="",
         pattern=pattern,
@@ -940,10 +942,6 @@ def _repeated_numbers(
         angle=stated.angle or (angle.unit if angle.assumed else None),
         ends=ends,
     )
-    proposal = _joined(layout, False, angle, reach, lines, *facts)
-    if lead in ("", "{-}"):
-        proposal = replace(proposal, questions=(*proposal.questions, *_step_question(stated, sensors)))
-    return proposal
 
 
 def _is_flag(first: Sequence[float], rest: Sequence[Sequence[float]]) -> bool:
