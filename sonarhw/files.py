@@ -25,6 +25,7 @@ def recordings_folder() -> Path:
 # input files: a device may be endless or a port that resets its board, and a named pipe may wait for ever
 
 
+MOST_FOREIGN = 100_000_000_000  # bytes of a file of another program; a bag may contain pictures
 _PIPE_WITHIN = 60.0  # s for all bytes of a pipe
 _KINDS = {
     stat.S_IFDIR: os.strerror(errno.EISDIR),

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sonarhw.errors import InputError
-from sonarhw.files import open_input
+from sonarhw.files import MOST_FOREIGN, open_input
 
 if TYPE_CHECKING:
     from sonarhw.readings import Reading
@@ -66,7 +66,6 @@ _MAGIC = (
     (b"\x89HDF\r\n\x1a\n", RAW),
 )
 _START = 65_536  # bytes that decide
-_MOST_OPENED = 100_000_000_000  # bytes of a file; a bag may contain pictures
 _MCAP = b"\x89MCAP0\r\n"
 
 
@@ -91,7 +90,7 @@ def import_format(file: Path, rate: float | None, name: str = "") -> ImportForma
 def start_of_file(file: Path, size: int = _START) -> bytes:
     """Return the first bytes of a file; empty if it cannot be read, which its reader reports."""
     try:
-        with open_input(file, _MOST_OPENED) as data:
+        with open_input(file, MOST_FOREIGN) as data:
             return data.read(size)
     except (OSError, ValueError):
         return b""

@@ -21,7 +21,7 @@ from typing import Any, BinaryIO, TypeVar, cast
 from sonarhw_sim.compiled import core_count, use_one_thread
 
 from sonarhw.errors import InputError, SonarError, WorkersLost
-from sonarhw.files import open_input
+from sonarhw.files import MOST_FOREIGN, open_input
 
 # of numeric libraries, so that each process uses one core
 _ONE_THREAD = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
@@ -196,7 +196,6 @@ def _call_in_limits(kept: None, function: Callable[..., T], arguments: tuple[Any
 # without end.
 
 
-_MOST_OPENED = 100_000_000_000  # bytes of a file; a bag may contain pictures
 _PARSED_WITHIN = 30.0  # s
 _SLOWEST = 5e6  # bytes/s beyond that
 
@@ -220,7 +219,7 @@ def parse_apart(parse: Callable[..., T], file: Path, expected: str, *arguments: 
 
 def _size(file: Path) -> int:
     """Return the size of a regular file, bytes. Raises OSError for what is none."""
-    with open_input(file, _MOST_OPENED) as opened_file:
+    with open_input(file, MOST_FOREIGN) as opened_file:
         return os.fstat(opened_file.fileno()).st_size
 
 
