@@ -35,6 +35,7 @@ def compile_for_demo() -> None:
     scan = predict_scan(room, place, board, headings)
     nearest_paths(scan, np.arange(1), np.ones(1), 0.05)
     ping = scan.ping(0)
+    _ = ping.levels
     ping.echo_times()
     ping.signal(0.01).rf(RATE)
     RoomEchoes(room, place, board).prepare()
