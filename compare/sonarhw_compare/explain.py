@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 from sonarhw_sim.air import ROOM_TOLERANCE, Model, Receiver
-from sonarhw_sim.board.signal import is_stepped, path_loss_db, stepped_gain_db
+from sonarhw_sim.board.profile import path_loss_db, stepped_gain_db
+from sonarhw_sim.board.signal import is_stepped
 from sonarhw_sim.predict.predicted_scan import Echo, PredictedPing, PredictedScan
 from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.room.room import Room

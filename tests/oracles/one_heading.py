@@ -11,8 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 from sonarhw_sim.board.beam import beam, beam_table
-from sonarhw_sim.board.profile import Board
-from sonarhw_sim.board.signal import NEAREST, uncompensated_db
+from sonarhw_sim.board.profile import NEAREST, Board, uncompensated_db
 from sonarhw_sim.compiled import compiled
 from sonarhw_sim.rays.fan import first_among, reflect
 from sonarhw_sim.rays.sequences import leg_is_free

@@ -18,8 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from sonarhw_sim.air import Unit
 from sonarhw_sim.board.beam import beam_gain
-from sonarhw_sim.board.profile import BODY_REFLECTANCE, ON_AXIS, Board, with_faces
-from sonarhw_sim.board.signal import uncompensated_db
+from sonarhw_sim.board.profile import BODY_REFLECTANCE, ON_AXIS, Board, uncompensated_db, with_faces
 from sonarhw_sim.room.edges import inside_wedge
 from sonarhw_sim.room.room import Place, Room
 

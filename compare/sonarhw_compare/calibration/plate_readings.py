@@ -14,18 +14,9 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 from sonarhw_sim.air import Air, Receiver
 from sonarhw_sim.board.beam import beam_gain
-from sonarhw_sim.board.profile import Board
+from sonarhw_sim.board.profile import Board, uncompensated_db
 from sonarhw_sim.board.receiver import charge_of_burst, kept_charge
-from sonarhw_sim.board.signal import (
-    RATE,
-    Arrivals,
-    before_gain,
-    burst_of,
-    covered_by_burst,
-    gain_at_samples,
-    pulses,
-    uncompensated_db,
-)
+from sonarhw_sim.board.signal import RATE, Arrivals, before_gain, burst_of, covered_by_burst, gain_at_samples, pulses
 from sonarhw_sim.predict.room_echoes import ARC_MIDDLE, RIM
 
 from sonarhw.errors import NoPlate, counted

@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from sonarhw_sim.board.beam import FAINT_DB, SAME_LENGTH, amplitudes_at, beam, beam_table
-from sonarhw_sim.board.profile import Board
+from sonarhw_sim.board.profile import Board, path_loss_db, stepped_gain_db
 from sonarhw_sim.board.receiver import echo_times
-from sonarhw_sim.board.signal import RATE, Patches, burst_of, covered_by_burst, path_loss_db, stepped_gain_db
+from sonarhw_sim.board.signal import RATE, Patches, burst_of, covered_by_burst
 from sonarhw_sim.compiled import array_part, compiled, compiled_part, inlined
 from sonarhw_sim.rays.diffraction import amplitudes_at_edges
 from sonarhw_sim.rays.paths import Paths, PathSearch

@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sonarhw_sim.air import Air, Receiver
 from sonarhw_sim.board.beam import beam_table
-from sonarhw_sim.board.profile import Board, axis_beside, without_own_body
-from sonarhw_sim.board.signal import uncompensated_db
+from sonarhw_sim.board.profile import Board, axis_beside, uncompensated_db, without_own_body
 from sonarhw_sim.predict.predicted_scan import loud_enough
 from sonarhw_sim.predict.prediction import PredictionOptions, search_for
 from sonarhw_sim.room.room import Place, Room

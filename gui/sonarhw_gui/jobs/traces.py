@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from sonarhw_compare import pictures
 from sonarhw_sim.air import Air, Receiver
-from sonarhw_sim.board.profile import Board
-from sonarhw_sim.board.signal import Signal, is_stepped, path_loss_db, stepped_gain_db
+from sonarhw_sim.board.profile import Board, path_loss_db, stepped_gain_db
+from sonarhw_sim.board.signal import Signal, is_stepped
 from sonarhw_sim.predict.predicted_scan import Echo, PredictedScan, arm
 from sonarhw_sim.predict.prediction import predict_scan
 

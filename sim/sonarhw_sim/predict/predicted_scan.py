@@ -35,6 +35,7 @@ from sonarhw_sim.board.profile import (
     Mount,
     TransducerPose,
     own_range,
+    uncompensated_db,
     with_body,
     with_faces,
 )
@@ -48,16 +49,7 @@ from sonarhw_sim.board.receiver import (
     first_echoes,
     loudest_before,
 )
-from sonarhw_sim.board.signal import (
-    Arrivals,
-    Noise,
-    Patches,
-    Response,
-    Signal,
-    covered_by_burst,
-    received,
-    uncompensated_db,
-)
+from sonarhw_sim.board.signal import Arrivals, Noise, Patches, Response, Signal, covered_by_burst, received
 from sonarhw_sim.compiled import rows_in_parts
 from sonarhw_sim.rays.paths import SLACK, Paths
 from sonarhw_sim.room.room import Place, Room

@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from sonarhw import arguments
 from sonarhw.readings import FloatArray
 from sonarhw_sim.air import DEFAULT_BOARD, EdgeStrength, Model, Receiver, Unit
-from sonarhw_sim.board.profile import Board, load_board
-from sonarhw_sim.board.signal import largest_gain
+from sonarhw_sim.board.profile import Board, largest_gain, load_board
 from sonarhw_sim.compiled import compiled, rows_in_parts
 from sonarhw_sim.predict.predicted_scan import (
     KEPT_BELOW_THRESHOLD,

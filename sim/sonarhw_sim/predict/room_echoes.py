@@ -11,9 +11,9 @@ from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray, Ping, PingResult, Trace
 from sonarhw_sim.air import Air, Receiver, Unit
 from sonarhw_sim.board.beam import BoolArray, beam_gain
-from sonarhw_sim.board.profile import Board
+from sonarhw_sim.board.profile import Board, uncompensated_db
 from sonarhw_sim.board.receiver import Sound, counted_time, echo_times, first_echoes
-from sonarhw_sim.board.signal import Arrivals, Signal, received, uncompensated_db
+from sonarhw_sim.board.signal import Arrivals, Signal, received
 from sonarhw_sim.predict.predicted_scan import PredictedScan, whole_microdegrees
 from sonarhw_sim.predict.prediction import (
     PredictionOptions,
@@ -33,6 +33,7 @@ MAX_ECHOES = 5  # per ping
 _FIRST_LISTEN = 0.01  # s, of the ping in `prepare`
 _FIRST_SIGNAL = 0.02  # s; twice as long, until it contains the echoes, because most arrivals are late
 _HEADINGS_KEPT = 720  # headings whose paths are cached, if each has its own
+_OPTIONS = PredictionOptions()
 
 
 @dataclass(frozen=True)
@@ -107,10 +108,9 @@ class RoomEchoes:
         if self._actual is None:
             room, place = self._disturbed()
             if paths_serve_all_headings(self._board, Unit.PASS):
-                options = PredictionOptions()
-                paths = paths_for(room, place, self._board, options)
+                paths = paths_for(room, place, self._board, _OPTIONS)
                 # without those that are too faint at every heading, so that they are left out once
-                loud = scan_of_paths(room, place, self._board, np.array([place.heading]), paths, options)
+                loud = scan_of_paths(room, place, self._board, np.array([place.heading]), paths, _OPTIONS)
                 self._actual = room, place, loud.paths
             else:
                 self._actual = room, place, None
@@ -121,7 +121,7 @@ class RoomEchoes:
         room, place, paths = self._truth()
         if paths is None:
             return self._turned(heading)
-        scan = scan_of_paths(room, place, self._board, np.array([heading]), paths, PredictionOptions())
+        scan = scan_of_paths(room, place, self._board, np.array([heading]), paths, _OPTIONS)
         return replace(scan, receiver=self._board.receiver)
 
     def _predict(self, heading: float) -> PredictedScan:

@@ -13,7 +13,7 @@ from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray, angle_difference
 from sonarhw_sim.board.beam import beam_gain
 from sonarhw_sim.compiled import array_part, compiled, compiled_part, in_parts, inlined
-from sonarhw_sim.rays.passing import BoolArray, KernelHeights, Passing, no_heights, surface_at
+from sonarhw_sim.rays.passing import BoolArray, KernelHeights, Passing, surface_at
 from sonarhw_sim.room.grid import Cells, IntArray, Listing, Surfaces, advance, enter, list_points, listed
 from sonarhw_sim.room.room import Room
 
@@ -591,6 +591,12 @@ def follow_fan(
     return fan_of(table, found, known, len(targets.points))
 
 
+def _no_heights(surfaces: int) -> KernelHeights:
+    """Return the heights for a search in which sound passes none of so many surfaces."""
+    nothing = Listing(np.zeros(surfaces + 1, np.int32), np.empty(0, np.int32))
+    return KernelHeights(np.zeros(surfaces, np.bool_), np.empty((0, 2)), nothing, 0.0, 0.0, 0.0)
+
+
 def _search(
     room: Room,
     source: FloatArray,
@@ -607,7 +613,7 @@ def _search(
     # or more at its compilation
     points, longest, radii = targets
     spacing, max_length = float(directions[1] - directions[0]), float(longest.max())
-    heights, slopes = no_heights(len(room.reflectances)), np.zeros((len(directions), 1))
+    heights, slopes = _no_heights(len(room.reflectances)), np.zeros((len(directions), 1))
     surfaces = room.blocking(passed_below if passing is None else 0.0)
     if passing is not None:
         # a path has one slope, and few of the rays nearest to it have a similar one

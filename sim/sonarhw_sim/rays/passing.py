@@ -131,17 +131,6 @@ class Passing:
         return np.hstack((of_climbs, np.sign(of_climbs) * np.tan(math.pi / 2 * share**2)))
 
 
-def no_climbs(surfaces: Surfaces) -> Climbs:
-    """Return the climbs with which heights are not tested."""
-    return Climbs(np.empty(0), np.empty(0, np.bool_), surfaces, np.empty((0, 2)), 0.0, 0.0, 0.0, 0.0)
-
-
-def no_heights(surfaces: int) -> KernelHeights:
-    """Return the heights for a search in which sound passes none of so many surfaces."""
-    nothing = Listing(np.zeros(surfaces + 1, np.int32), np.empty(0, np.int32))
-    return KernelHeights(np.zeros(surfaces, np.bool_), np.empty((0, 2)), nothing, 0.0, 0.0, 0.0)
-
-
 @compiled_part
 def surface_at(x: float, y: float, climb: float, surface: int, heights: KernelHeights, walls: FloatArray) -> int:
     """Return the surface that sound touches where it meets `surface` at (x, y) m, after a `climb` (m); -1: none."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sonarhw.readings import FloatArray
 from sonarhw_sim.compiled import array_part, compiled, compiled_part, inlined, rows_in_parts
 from sonarhw_sim.rays.fan import Fan, PathTable, Targets, fill_rows
-from sonarhw_sim.rays.passing import Climbs, Passing, fits_a_climb, no_climbs, room_for_fitting
+from sonarhw_sim.rays.passing import Climbs, Passing, fits_a_climb, room_for_fitting
 from sonarhw_sim.room.grid import IntArray, Surfaces, advance, enter, listed
 from sonarhw_sim.room.room import Room
 
@@ -281,6 +281,11 @@ _LEAST_PART = 500  # candidates: fewer take about as long as a thread needs to b
 _LEG_ENDS = 1e-8  # m: a surface that touches a leg this near to its end is the one on which it starts or ends
 
 
+def _no_climbs(surfaces: Surfaces) -> Climbs:
+    """Return the climbs with which heights are not tested."""
+    return Climbs(np.empty(0), np.empty(0, np.bool_), surfaces, np.empty((0, 2)), 0.0, 0.0, 0.0, 0.0)
+
+
 def solve_candidates(
     source: FloatArray,
     fan: Fan,
@@ -298,7 +303,7 @@ def solve_candidates(
     its length (r,) m; its divergence (r,), the width of its ray tube over its length, 1 without posts.
     """
     most = int(fan.candidates[:, 1].max(initial=0))
-    climbs = to_receiver or no_climbs(surfaces)
+    climbs = to_receiver or _no_climbs(surfaces)
 
     def solved(begin: int, end: int) -> tuple[BoolArray, FloatArray, FloatArray, FloatArray]:
         # most candidates are no paths, and the system gives memory only to rows that are filled

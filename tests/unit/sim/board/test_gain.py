@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from sonarhw_sim.air import Air
-from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.board.signal import largest_gain, path_loss_db, stepped_gain_db, uncompensated_db
+from sonarhw_sim.board.profile import largest_gain, load_board, path_loss_db, stepped_gain_db, uncompensated_db
 
 BOARD = load_board("polaroid-6500")
 FIXED = replace(BOARD, fixed_gain=True, gain_steps=(), absorption=False)

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sonarhw_sim.air import Air, Receiver, absorption
-from sonarhw_sim.board.profile import Board, load_board
+from sonarhw_sim.board.profile import Board, load_board, stepped_gain_db
 from sonarhw_sim.board.receiver import _sums_between, counted_time, detect_echoes, detect_first_echo, echo_times
-from sonarhw_sim.board.signal import RATE, Arrivals, Noise, received, stepped_gain_db
+from sonarhw_sim.board.signal import RATE, Arrivals, Noise, received
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
 from sonarhw_sim.room.room import load_room
 
