@@ -10,7 +10,6 @@ from typing import Any, ClassVar
 import numpy as np
 from scipy.optimize import OptimizeResult, minimize_scalar
 from sonarhw_sim.board.profile import Board, of_own_body
-from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.room.room import Place, Room
 from sonarhw_sim.room.room_writing import changed_room, section
 
@@ -27,8 +26,18 @@ from sonarhw_compare.locate import PoseSpread
 from sonarhw_compare.match import Comparison, Kind, compare_readings
 from sonarhw_compare.rooms.candidates import post_candidates
 from sonarhw_compare.rooms.draft import REFLECTANCE, DraftEnd, DraftPost, DraftWall, RoomDraft
-from sonarhw_compare.rooms.evidence import CLEARLY, FINE, PRICE, Scored, all_scored, evidence_of, scored
-from sonarhw_compare.rooms.search import refined, unexplained_readings, with_post, with_wall
+from sonarhw_compare.rooms.evidence import (
+    CLEARLY,
+    FINE,
+    FOLLOWED_ALL,
+    PRICE,
+    PRICE_OF_NUMBER,
+    Scored,
+    all_scored,
+    evidence_of,
+    scored,
+)
+from sonarhw_compare.rooms.search import edited, refined, unexplained_readings, with_post, with_wall
 
 # Changes of a room that may explain misfits: a new post or wall, a moved wall, another reflectance. Each has a price,
 # returns the changed room, of which the text is edited, so that it can be saved, and states what is changed.
@@ -36,7 +45,6 @@ from sonarhw_compare.rooms.search import refined, unexplained_readings, with_pos
 
 OBJECT = "found object"  # material of new posts and walls
 _DIGITS = 4  # of metres in a room file
-_PRICE_OF_ONE = 7.0  # as `PRICE`, for changes of one number
 
 
 @dataclass(frozen=True)
@@ -84,7 +92,7 @@ class MovedWall:
     wall: str
     left: float  # m, to its left, seen from its start to its end
     farther: float  # m, from the sensor
-    price: ClassVar[float] = _PRICE_OF_ONE
+    price: ClassVar[float] = PRICE_OF_NUMBER
 
     def applied(self, room: Room) -> Room:
         """Return the room with the moved wall."""
@@ -103,7 +111,7 @@ class OtherReflectance:
     before: float  # amplitude ratio
     reflectance: float
     edge: str | None = None  # where its sound is diffracted, if that is what changes
-    price: ClassVar[float] = _PRICE_OF_ONE
+    price: ClassVar[float] = PRICE_OF_NUMBER
 
     def applied(self, room: Room) -> Room:
         """Return the room with a material of this reflectance for the surface."""
@@ -145,13 +153,12 @@ def _point(position: Point) -> str:
 
 # Search for the causes of misfits: the changes of a room that make a scan more likely, one after another.
 #
-# The search is a room search (`room_finding`) that starts at the given room. In each step, the change that increases
-# the log-likelihood of all readings most is accepted, if it is worth its price.
+# The search is that of `sonarhw map --out` (`rooms.search`), but it begins at the given room, and walls of this room
+# and reflectances may change, too. In each step, the change that increases the log-likelihood of all readings most is
+# accepted, if it is worth its price.
 
 
 _MOST = 6  # causes
-# all reflections: an echo that the given room explains by many of them would else speak for objects that do not exist
-_FOLLOWED = PredictionOptions(rays=720)
 _EDGES = 4  # points at which a wall may end that are tried
 _DIRECTIONS = tuple(np.radians(np.arange(0.0, 360.0, 11.25)).tolist())  # rad, of a wall from an edge
 _LENGTHS = (0.15, 0.4)  # m, likewise
@@ -267,13 +274,15 @@ def find_causes(
     if all(reading.range is None for reading in readings):
         raise InputError("no reading has an echo; nothing shows what is missing in the room")
     search = _Search(tuple(readings), room, place, board)
-    changes: list[Change] = []
-    while len(changes) < _MOST and not cancelled():
-        tick(len(changes) / (_MOST + 1))
-        change = search.best_change(_with_all(room, changes))
-        if change is None:
-            break
-        changes.append(change)
+
+    def longer(changes: tuple[Change, ...]) -> tuple[Change, ...] | None:
+        stopped = len(changes) == _MOST or cancelled()
+        change = None if stopped else search.best_change(_with_all(room, changes))
+        return None if change is None else (*changes, change)
+
+    tick(0.0)
+    none: tuple[Change, ...] = ()
+    changes = edited(none, longer, lambda accepted: tick(len(accepted) / (_MOST + 1)))
     causes = search.judged(changes)
     tick(1.0)
     return causes
@@ -285,7 +294,7 @@ class _Search:
     def __init__(self, readings: tuple[Reading, ...], room: Room, place: Place, board: Board) -> None:
         self._readings, self._room, self._place, self._board = readings, room, place, board
         scan = PlacedScan(readings, place)
-        self._evidence = evidence_of([scan], [PoseSpread()], board, room.air, prediction=_FOLLOWED)
+        self._evidence = evidence_of([scan], [PoseSpread()], board, room.air, prediction=FOLLOWED_ALL)
         # an object before a wall changes the first echo, while later ones are still explained
         self._first_echoes = self._evidence.of_first_echoes() or self._evidence
         self._arcs = arcs_of(self._evidence.scans, board, POSSIBLE)

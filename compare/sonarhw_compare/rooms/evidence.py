@@ -70,7 +70,10 @@ class SearchProgress:
 FOLLOWED = PredictionOptions(rays=720, max_bounces=5)  # few rays, because every trial searches all paths
 # later echoes come by more reflections; without their paths, a wrong room can be more likely than the true one
 FOLLOWED_LATER = PredictionOptions(rays=720, max_bounces=8)
+# in a known room: an echo that it explains by many reflections would else speak for objects that do not exist
+FOLLOWED_ALL = PredictionOptions(rays=720)
 PRICE = 10.0  # log-likelihood that a wall or post must add
+PRICE_OF_NUMBER = 7.0  # likewise, for another position or reflectance of what exists
 CLEARLY = 1.0  # change of the log-likelihood of a reading that clearly speaks for or against a change
 _ALIKE, _ALIKE_TURNED = 0.1, math.radians(8)  # m, rad, between a candidate and a refused wall or post
 ROUGH = ReadingNoise(0.02, 2.0, 0.08, 0.03, 0.05)  # for walls not yet refined

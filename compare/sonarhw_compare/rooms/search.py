@@ -540,6 +540,19 @@ _STEPS = 2  # of the refinement after each addition
 _UNEXPLAINED = 2.0  # log-likelihood over that of a false echo at which a reading counts as half explained
 
 _Part = TypeVar("_Part", int, DraftPost)  # the key of a wall, or a post
+_State = TypeVar("_State")  # a draft, or the changes of a known room
+
+
+def edited(first: _State, changed: Callable[[_State], _State | None], accept: Callable[[_State], None]) -> _State:
+    """Return the last of states of a room, each with the best change of the one before.
+
+    `changed` returns the next state, or None if no change is worth its price; `accept` receives it.
+    """
+    best = first
+    while (longer := changed(best)) is not None:
+        best = longer
+        accept(best)
+    return best
 
 
 def grown(evidence: Evidence, best: Scored) -> Scored:
@@ -548,21 +561,24 @@ def grown(evidence: Evidence, best: Scored) -> Scored:
     What is no longer worth its price is removed on the way.
     """
     arcs, nothing = _arcs(evidence, best.draft), evidence.by_reading(RoomDraft(best.draft.places), ROUGH)
-    while True:
-        unexplained = unexplained_readings(evidence, best.draft, ROUGH, nothing)
-        longer = with_wall(evidence, best, arcs, unexplained)
-        # a post looks like short walls; a corner looks like a post until its walls are known
-        if longer.score - best.score < PRICE or _newest_length(longer.draft) < _SHORT:
-            tried = longer, with_post(evidence, best, arcs, unexplained)
-            longer = max(tried, key=lambda draft: draft.score)
-        if longer.score - best.score < PRICE:
-            return best
-        longer = refined(evidence, candidates.with_better_ends(evidence, longer).draft, ROUGH, _STEPS)
-        longer = with_threshold(evidence, longer)
-        best, before = pruned(evidence, longer), best
-        if worth(best) <= worth(before):
-            return before
-        evidence.course.accept(best.draft)
+
+    def longer(now: Scored) -> Scored | None:
+        return _with_part(evidence, now, arcs, unexplained_readings(evidence, now.draft, ROUGH, nothing))
+
+    return edited(best, longer, lambda now: evidence.course.accept(now.draft))
+
+
+def _with_part(evidence: Evidence, best: Scored, arcs: tuple[Arc, ...], unexplained: list[FloatArray]) -> Scored | None:
+    """Return the draft with the wall or post that explains most, refined and pruned; None if it is not worth more."""
+    longer = with_wall(evidence, best, arcs, unexplained)
+    # a post looks like short walls; a corner looks like a post until its walls are known
+    if longer.score - best.score < PRICE or _newest_length(longer.draft) < _SHORT:
+        longer = max((longer, with_post(evidence, best, arcs, unexplained)), key=lambda draft: draft.score)
+    if longer.score - best.score < PRICE:
+        return None
+    longer = refined(evidence, candidates.with_better_ends(evidence, longer).draft, ROUGH, _STEPS)
+    longer = pruned(evidence, with_threshold(evidence, longer))
+    return longer if worth(longer) > worth(best) else None
 
 
 def _arcs(evidence: Evidence, draft: RoomDraft) -> tuple[Arc, ...]:
