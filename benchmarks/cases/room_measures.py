@@ -7,7 +7,8 @@ from itertools import product
 import numpy as np
 from sonarhw_compare.map import CertaintyGrid
 from sonarhw_compare.match import compare_readings
-from sonarhw_compare.rooms.search import FoundRoom, Move
+from sonarhw_compare.rooms.refinement import Move
+from sonarhw_compare.rooms.search import FoundRoom
 from sonarhw_sim.board.profile import Board
 
 from benchmarks.cases.random_rooms import RandomRoom

@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 from sonarhw_compare.fit import PlacedScan
 from sonarhw_compare.locate import UNKNOWN, PoseSpread
-from sonarhw_compare.rooms.search import FoundRoom, Move
+from sonarhw_compare.rooms.refinement import Move
+from sonarhw_compare.rooms.search import FoundRoom
 from sonarhw_sim.room.room import Place
 
 from benchmarks.cases.random_rooms import RandomRoom

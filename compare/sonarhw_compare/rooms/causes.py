@@ -37,7 +37,8 @@ from sonarhw_compare.rooms.evidence import (
     evidence_of,
     scored,
 )
-from sonarhw_compare.rooms.search import edited, refined, unexplained_readings, with_post, with_wall
+from sonarhw_compare.rooms.refinement import refined
+from sonarhw_compare.rooms.search import edited, unexplained_readings, with_post, with_wall
 
 # Changes of a room that may explain misfits: a new post or wall, a moved wall, another reflectance. Each has a price,
 # returns the changed room, of which the text is edited, so that it can be saved, and states what is changed.

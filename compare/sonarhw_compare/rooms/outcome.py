@@ -21,7 +21,8 @@ from sonarhw_compare.locate import Pose
 from sonarhw_compare.map import RoomMap
 from sonarhw_compare.rooms.draft import MATERIAL, REFLECTANCE, SHARE, SPREAD, at_right_angles, post_name, wall_name
 from sonarhw_compare.rooms.evidence import FINE, FOLLOWED
-from sonarhw_compare.rooms.search import FoundRoom, Move, Shifts, shifts_of
+from sonarhw_compare.rooms.refinement import Move, Shifts, shifts_of
+from sonarhw_compare.rooms.search import FoundRoom
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

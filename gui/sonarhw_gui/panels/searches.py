@@ -550,7 +550,7 @@ def _deviations(state: searches.FindState, row: int, unit: LengthUnit) -> str:
     hypotheses, answer = state.hypotheses, state.answer
     if hypotheses is None or answer is None:
         return ""
-    from sonarhw_compare.rooms.search import Move  # loaded by the search
+    from sonarhw_compare.rooms.refinement import Move  # loaded by the search
 
     small, deviations = unit.small, answer.result.deviations
 

@@ -20,7 +20,8 @@ from sonarhw_compare.processes import LateProcesses, Processes, Unfinished, call
 from sonarhw_compare.rooms import search
 from sonarhw_compare.rooms.draft import draft_of_room
 from sonarhw_compare.rooms.evidence import ROUGH, evidence_of
-from sonarhw_compare.rooms.search import find_room, refined
+from sonarhw_compare.rooms.refinement import refined
+from sonarhw_compare.rooms.search import find_room
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.room import Place, Room, load_room

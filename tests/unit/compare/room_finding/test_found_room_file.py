@@ -8,7 +8,8 @@ from sonarhw_compare.locate import Pose
 from sonarhw_compare.rooms.candidates import Touches
 from sonarhw_compare.rooms.draft import DraftEnd, DraftPost, DraftWall, RoomDraft
 from sonarhw_compare.rooms.outcome import found_room, found_room_figures, found_room_text
-from sonarhw_compare.rooms.search import FoundRoom, Move
+from sonarhw_compare.rooms.refinement import Move
+from sonarhw_compare.rooms.search import FoundRoom
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.room import Place
 

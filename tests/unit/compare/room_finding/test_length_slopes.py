@@ -4,7 +4,7 @@ import math
 
 import pytest
 from sonarhw_compare.rooms.draft import DraftEnd, DraftPost, DraftWall, RoomDraft
-from sonarhw_compare.rooms.search import Move, shifts_of
+from sonarhw_compare.rooms.refinement import Move, shifts_of
 from sonarhw_sim.air import Air
 from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
 from sonarhw_sim.room.room import Room

@@ -6,7 +6,8 @@ import pytest
 from sonarhw_compare.rooms.candidates import Touches
 from sonarhw_compare.rooms.draft import DraftEnd, DraftWall, RoomDraft
 from sonarhw_compare.rooms.outcome import next_places
-from sonarhw_compare.rooms.search import FoundRoom, Move
+from sonarhw_compare.rooms.refinement import Move
+from sonarhw_compare.rooms.search import FoundRoom
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.room import Place

@@ -10,7 +10,7 @@ from sonarhw_compare.fit import PlacedScan
 from sonarhw_compare.locate import PoseSpread
 from sonarhw_compare.rooms.draft import DraftPost, RoomDraft, draft_of_room
 from sonarhw_compare.rooms.evidence import FINE, FOLLOWED, ROUGH, Evidence, evidence_of, scored
-from sonarhw_compare.rooms.search import (
+from sonarhw_compare.rooms.refinement import (
     Move,
     deviations_of,
     heading_error,

@@ -14,7 +14,8 @@ from sonarhw_compare.rooms import search
 from sonarhw_compare.rooms.candidates import wall_candidates, with_gaps
 from sonarhw_compare.rooms.draft import DraftEnd, DraftWall, RoomDraft, draft_of_room
 from sonarhw_compare.rooms.evidence import FOLLOWED, Course, Evidence, Scored, SearchProgress, evidence_of, scored
-from sonarhw_compare.rooms.search import Move, determined, rebuilt, squared, squared_together
+from sonarhw_compare.rooms.refinement import Move
+from sonarhw_compare.rooms.search import determined, rebuilt, squared, squared_together
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.room import Place, Room, parse_room

@@ -14,7 +14,8 @@ from sonarhw_compare.rooms import search
 from sonarhw_compare.rooms.candidates import Touches
 from sonarhw_compare.rooms.draft import DraftPost, RoomDraft
 from sonarhw_compare.rooms.evidence import Course
-from sonarhw_compare.rooms.search import FoundRoom, Move, find_room_and_poses
+from sonarhw_compare.rooms.refinement import Move
+from sonarhw_compare.rooms.search import FoundRoom, find_room_and_poses
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.room.room import Place
