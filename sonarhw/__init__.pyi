@@ -22,9 +22,9 @@ from sonarhw_compare.one_call import (
     fit,
     locate,
     map_room,
-    open_scanner,
     write_report,
 )
+from sonarhw_compare.scanner_url import open_scanner
 from sonarhw_compare.scans import GivenScan, scan_from_arrays
 from sonarhw_compare.study import load_study, read_study, run_study
 from sonarhw_compare.track import Tracked, Tracker, log_likelihood

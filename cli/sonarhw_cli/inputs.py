@@ -12,7 +12,7 @@ from sonarhw.errors import InputError, counted
 from sonarhw_cli.options import VERBOSE, print_detail, prints, warn
 
 if TYPE_CHECKING:
-    from sonarhw_compare.one_call import Find
+    from sonarhw_compare.scanner_url import Find
     from sonarhw_compare.scans import GivenScan, PlacedNotes
     from sonarhw_sim.board.profile import Board
     from sonarhw_sim.room.room import Place, Room
@@ -42,7 +42,7 @@ def connect(url: str, reconnect: float = RECONNECT) -> "Iterator[Scanner]":
 
     Raises InputError for an invalid URL, LinkError, DeviceError.
     """
-    from sonarhw_compare.one_call import open_scanner
+    from sonarhw_compare.scanner_url import open_scanner
 
     with open_scanner(url, reconnect=reconnect, warn=warn) as scanner:
         _print_fake(url)
@@ -53,7 +53,7 @@ def connect(url: str, reconnect: float = RECONNECT) -> "Iterator[Scanner]":
 @contextmanager
 def connect_turntable(url: str) -> "Iterator[Scanner]":
     """Yield the connected scanner at `url`, whose turntable obeys commands. Raises what `connect` raises."""
-    from sonarhw_compare.one_call import check_turns
+    from sonarhw_compare.scanner_url import check_turns
 
     check_turns(url)
     with connect(url) as scanner:
@@ -72,16 +72,16 @@ def board_of(scanner: "Scanner", chosen: str | None) -> "Board":
 @contextmanager
 def resolve(url: str) -> "Iterator[Find]":
     """Yield a function that returns the URL to open with pyserial now. Raises InputError for an invalid URL."""
-    from sonarhw_compare import one_call
+    from sonarhw_compare import scanner_url
 
-    with one_call.resolve(url, warn) as find:
+    with scanner_url.resolve(url, warn) as find:
         _print_fake(url)
         yield find
 
 
 def _print_fake(url: str) -> None:
     """With --verbose, print room, place and board of a `fake:` URL."""
-    from sonarhw_compare.one_call import is_fake, read_fake_url
+    from sonarhw_compare.scanner_url import is_fake, read_fake_url
     from sonarhw_sim.room.room import load_room
 
     if not (is_fake(url) and prints(VERBOSE)):

@@ -474,7 +474,7 @@ def fake(
     nonsense, unplug, move=SECONDS; wedge=SECONDS, slip=MICROSTEPS of the turntable. Faults with SECONDS or MICROSTEPS
     start @SECONDS, @rPINGS or, repeatedly, @~SECONDS. After `move` the new URL is printed.
     """
-    from sonarhw_compare.one_call import fake_device
+    from sonarhw_compare.scanner_url import fake_device
     from sonarhw_sim.board.profile import load_board
 
     from sonarhw.device.faults import read_faults

@@ -21,7 +21,7 @@ from sonarhw_cli.options import LOG, PLACE, ROOM, ROOM_NAME, ForceFiles, PlaceNa
 from sonarhw_cli.outputs import made_folder, refuse_existing_in
 
 if TYPE_CHECKING:
-    from sonarhw_compare.one_call import Find
+    from sonarhw_compare.scanner_url import Find
     from sonarhw_gui.model.scene import Scene
     from sonarhw_gui.session.scanner import ScannerOpener, ScannerTarget
     from sonarhw_gui.window.start import WindowStart
@@ -119,7 +119,7 @@ def _source_and_room(sources: list[str], room: str | None) -> tuple[str | None, 
 
 def _kind(source: str) -> str:
     """Return the suffix of a file that can be opened; empty for a URL. Raises InputError for anything else."""
-    from sonarhw_compare.one_call import is_fake
+    from sonarhw_compare.scanner_url import is_fake
 
     from sonarhw.plugins.device_plugin import is_plugin
 
@@ -192,7 +192,7 @@ def _used(room: str | None) -> tuple[Path, ...]:
 
 def _scan(url: str, request: _Request, resume: bool = False, follows: bool = False) -> int:
     """Open the window on a scanner; `follows`: a fake one, which takes room and place of the plan for each scan."""
-    from sonarhw_compare.one_call import is_fake
+    from sonarhw_compare.scanner_url import is_fake
     from sonarhw_gui.window.display import DEMO, check_display
 
     fake = is_fake(url)
@@ -240,7 +240,7 @@ class _Scanners:
 
         `follows`: it is a fake scanner that scans in the scene that the window shows.
         """
-        from sonarhw_compare.one_call import is_fake
+        from sonarhw_compare.scanner_url import is_fake
         from sonarhw_gui.session.scanner import ScannerTarget
 
         from sonarhw.plugins.device_plugin import is_plugin, make_plugin
@@ -258,7 +258,7 @@ class _Scanners:
         served_urls: list[Find] = []
 
         def open_it() -> "Scanner":
-            from sonarhw_compare.one_call import open_scanner, serve_fake_in
+            from sonarhw_compare.scanner_url import open_scanner, serve_fake_in
 
             from sonarhw.host.scanner import Scanner
             from sonarhw.plugins.device_plugin import is_plugin
@@ -304,7 +304,7 @@ def _scene(request: _Request, begin_at: str | None = None) -> "Scene":
 
 def _fake_scene(url: str, request: _Request) -> "Scene":
     """Return the scene of the fake scanner, or that with the requested room. Check every part of the URL."""
-    from sonarhw_compare.one_call import read_fake_url
+    from sonarhw_compare.scanner_url import read_fake_url
 
     fake = read_fake_url(url)
     own = _Request(fake.room, fake.place, fake.board)

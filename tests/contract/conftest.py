@@ -10,7 +10,7 @@ from contextlib import ExitStack
 
 import pytest
 from sonarhw_cli.inputs import resolve
-from sonarhw_compare.one_call import open_scanner
+from sonarhw_compare.scanner_url import open_scanner
 
 from sonarhw.errors import SonarError
 from sonarhw.host.scanner import Scanner

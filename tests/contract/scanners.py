@@ -10,7 +10,7 @@ from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from sonarhw_compare.one_call import resolve
+from sonarhw_compare.scanner_url import resolve
 
 from sonarhw.device.emulated_board import emulated_board
 from sonarhw.device.fake_board import FakeBoard

@@ -16,7 +16,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QObject, Signal, Slot
-from sonarhw_compare.one_call import is_fake
+from sonarhw_compare.scanner_url import is_fake
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import Board, board_names, load_board
 from sonarhw_sim.room.room import Place

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from sonarhw_compare.one_call import SCHEMES
+from sonarhw_compare.scanner_url import SCHEMES
 from sonarhw_sim.predict.room_echoes import RoomEchoes
 from sonarhw_sim.rays import fan
 

@@ -10,7 +10,7 @@ import pytest
 from pytestqt.qtbot import QtBot
 from sonarhw_cli.window import _Scanners
 from sonarhw_compare.match import compare_readings
-from sonarhw_compare.one_call import read_fake_url
+from sonarhw_compare.scanner_url import read_fake_url
 from sonarhw_gui.model.edits import with_corner, with_sensor_at
 from sonarhw_gui.model.scene import Scene
 from sonarhw_gui.session.scanner import FAKE as FAKE_LABEL

@@ -4,7 +4,7 @@ from math import radians
 
 import numpy as np
 import pytest
-from sonarhw_compare.one_call import fake_device, read_fake_url
+from sonarhw_compare.scanner_url import fake_device, read_fake_url
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.room import load_room
 
