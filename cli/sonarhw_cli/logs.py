@@ -193,19 +193,12 @@ def import_scan(
     _check_options(scale, heading_zero)
     metadata = _metadata(room, place, board)
     name = format_name or ""
-    if name not in ("", *(known.name for known in IMPORT_FORMATS)):
-        listed = ", ".join(known.name for known in IMPORT_FORMATS)
-        raise InputError(f"--format {name}: expected {listed}")
     by_columns = heading is not None or distance is not None or decimal_comma or time_column is not None
-    file_format: ImportFormat | None = import_format(file, rate, name)
-    if by_columns and file_format is TEXT:
-        file_format = None  # CSV with named columns
+    file_format = _format_of(file, name, rate, by_columns)
     columns = _columns(file, heading, distance, time_column, decimal_comma) if file_format is None else None
     title = file_format.title if file_format else ""
     options.check_rules(context, _RULES, _facts(file_format), file=file.name, title=title)
-    _check_values(file, file_format, threshold, blanking, speed_of_sound, rate, step)
-    if full_scale is not None and not full_scale > 0:
-        raise InputError(f"--full-scale {full_scale:g}: expected a number above 0")
+    _check_values(file, file_format, threshold, blanking, speed_of_sound, rate, step, full_scale)
     meaning = Meaning(
         scale=scale,
         sign=-1.0 if turn == "cw" else 1.0,
@@ -232,8 +225,17 @@ def import_scan(
     _warn_of_far_ranges(readings, scale)
     if columns is None:
         _warn_of_clamped_ranges(readings)
-    if columns is not None and no_echo is None and (likely := likely_no_echo(file, columns)):
+    elif no_echo is None and (likely := likely_no_echo(file, columns)):
         options.warn(f"{likely[1]} ranges are {likely[0]:g}; if this means no echo, add --no-echo {likely[0]:g}")
+
+
+def _format_of(file: Path, name: str, rate: float | None, by_columns: bool) -> ImportFormat | None:
+    """Return the format of a file, None for CSV with named columns. Raises InputError for an unknown name."""
+    if name not in ("", *(known.name for known in IMPORT_FORMATS)):
+        listed = ", ".join(known.name for known in IMPORT_FORMATS)
+        raise InputError(f"--format {name}: expected {listed}")
+    file_format = import_format(file, rate, name)
+    return None if by_columns and file_format is TEXT else file_format
 
 
 def _stated_layout(
@@ -302,6 +304,7 @@ def _check_values(
     speed: float | None,
     rate: float | None,
     step: float | None,
+    full_scale: float | None,
 ) -> None:
     """Raise InputError for values about traces that are missing or wrong."""
     if threshold is not None and not 0 < threshold <= 1:
@@ -315,6 +318,8 @@ def _check_values(
         raise InputError(f"{file}: {problem}")
     if step is not None and not -360 <= step <= 360:
         raise InputError(f"--step {step:g}: expected -360 to 360 degrees")
+    if full_scale is not None and not full_scale > 0:
+        raise InputError(f"--full-scale {full_scale:g}: expected a number above 0")
 
 
 def _read(file: Path, meaning: "Meaning", layout: "Layout | None", known: "Layout", name: str) -> "list[Reading]":
