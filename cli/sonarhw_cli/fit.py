@@ -164,8 +164,8 @@ def _check_files(out: Path | None, board_out: Path | None, free: str, force: boo
     if out is not None and board_out is not None and out.resolve() == board_out.resolve():
         raise InputError(f"--out and --board-out: both are {out}; give each a file of its own")
     quantities = {quantity for word in free.split(",") if word.strip() for quantity in quantities_of(word)}
-    of_board = [one for one in QUANTITIES if isinstance(one, BoardQuantity)]
-    of_room = [one for one in QUANTITIES if one not in of_board]
+    of_board = [quantity for quantity in QUANTITIES if isinstance(quantity, BoardQuantity)]
+    of_room = [quantity for quantity in QUANTITIES if quantity not in of_board]
     for option, file, those in (("--out", out, of_room), ("--board-out", board_out, of_board)):
         if file is None:
             continue

@@ -39,7 +39,7 @@ Format = Annotated[
     str | None,
     typer.Option(
         "--format",
-        help=f"Format, instead of that of the content: {', '.join(known.name for known in IMPORT_FORMATS)}.",
+        help=f"Format, instead of that of the content: {', '.join(kind.name for kind in IMPORT_FORMATS)}.",
         metavar="NAME",
     ),
 ]
@@ -133,16 +133,16 @@ _RULES = (
 )
 
 
-def _facts(known: ImportFormat | None) -> list[str]:
+def _facts(kind: ImportFormat | None) -> list[str]:
     """Return what a file of a format contains; None is CSV with named columns."""
-    if known is None:
+    if kind is None:
         return ["csv"]
     facts = {
-        "traces": known.has_traces,
-        "raw": known is RAW,
-        "steps": known.has_step,
-        "bag": known is ROS,
-        "text": known is TEXT,
+        "traces": kind.has_traces,
+        "raw": kind is RAW,
+        "steps": kind.has_step,
+        "bag": kind is ROS,
+        "text": kind is TEXT,
     }
     return [fact for fact, is_true in facts.items() if is_true]
 
@@ -231,8 +231,8 @@ def import_scan(
 
 def _format_of(file: Path, name: str, rate: float | None, by_columns: bool) -> ImportFormat | None:
     """Return the format of a file, None for CSV with named columns. Raises InputError for an unknown name."""
-    if name not in ("", *(known.name for known in IMPORT_FORMATS)):
-        listed = ", ".join(known.name for known in IMPORT_FORMATS)
+    if name not in ("", *(kind.name for kind in IMPORT_FORMATS)):
+        listed = ", ".join(kind.name for kind in IMPORT_FORMATS)
         raise InputError(f"--format {name}: expected {listed}")
     file_format = import_format(file, rate, name)
     return None if by_columns and file_format is TEXT else file_format
@@ -322,14 +322,14 @@ def _check_values(
         raise InputError(f"--full-scale {full_scale:g}: expected a number above 0")
 
 
-def _read(file: Path, meaning: "Meaning", layout: "Layout | None", known: "Layout", name: str) -> "list[Reading]":
+def _read(file: Path, meaning: "Meaning", layout: "Layout | None", stated: "Layout", name: str) -> "list[Reading]":
     """Return the readings of a file that is not CSV with named columns, and print how it was read."""
     from sonarhw_compare.imports import read_scan
 
     with warnings.catch_warnings(record=True) as doubts:
         warnings.simplefilter("always")
         try:
-            scan = read_scan(file, meaning, layout, known, name)
+            scan = read_scan(file, meaning, layout, stated, name)
         except InputError as error:
             raise InputError(_with_options(str(error))) from error
     for doubt in doubts:
@@ -406,7 +406,7 @@ def log_info(log: LogFile, as_json: options.AsJson = False) -> None:
         options.print_line(f"{name:<9} {text}")
 
 
-_FORMATS = ", ".join(f"{known.suffix} ({known.title})" for known in FORMATS)
+_FORMATS = ", ".join(f"{kind.suffix} ({kind.title})" for kind in FORMATS)
 
 
 @app.command(

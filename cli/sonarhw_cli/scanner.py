@@ -341,17 +341,21 @@ def ports(
     """List serial ports and check them for a scanner. The check may reset the device at a port."""
     from sonarhw.link import Port, serial_ports
 
-    known = {found.device: found for found in serial_ports()}
-    chosen = [known.get(name, Port(name, "")) for name in port] if port else [*known.values()]
+    by_name = {found_port.device: found_port for found_port in serial_ports()}
+    chosen = [by_name.get(name, Port(name, "")) for name in port] if port else [*by_name.values()]
     if not chosen:
         options.print_note("no serial ports")
     listed = []
-    for one in chosen:
-        wanted = bool(ask or port or one.known)
-        listed.append(_described_port(one) | (_guessed(one, wanted) if guess else _probed(one, wanted)))
+    for candidate in chosen:
+        wanted = bool(ask or port or candidate.known)
+        listed.append(
+            _described_port(candidate) | (_guessed(candidate, wanted) if guess else _probed(candidate, wanted))
+        )
         if not as_json:
             answer = listed[-1]["answer"] or f"not checked; {'name the port' if guess else '--ask checks all'}"
-            options.print_line("  ".join(filter(None, (one.device, one.known or one.description, answer))))
+            options.print_line(
+                "  ".join(filter(None, (candidate.device, candidate.known or candidate.description, answer)))
+            )
             for fact in listed[-1].get("evidence") or ():
                 options.print_line(f"    {fact}")
     if as_json:

@@ -66,7 +66,7 @@ def set_apart(figure: Figure, labels: Sequence[Annotation], kept: Sequence[Annot
 
     A label that covers something everywhere stays at the first side.
     """
-    taken = [one.get_window_extent() for one in kept]
+    taken = [label.get_window_extent() for label in kept]
     for label in labels:
         boxes = [_put(label, side) for side in range(len(_SIDES))]
         free = [side for side, box in enumerate(boxes) if not any(box.overlaps(other) for other in taken)]
@@ -173,16 +173,16 @@ def draw_plan(
 
 def _draw_found(axes: Axes, room: Room, changed: Room) -> None:
     """Draw the walls and posts of the changed room that are new or have moved."""
-    known = dict(zip(room.names, (*room.walls, *room.posts), strict=False))
+    surfaces = dict(zip(room.names, (*room.walls, *room.posts), strict=False))
     walls = [
         wall
         for name, wall in zip(changed.names, changed.walls, strict=False)
-        if name not in known or _has_moved(known[name], wall)
+        if name not in surfaces or _has_moved(surfaces[name], wall)
     ]
     posts = [
         post
         for name, post in zip(changed.names[len(changed.walls) :], changed.posts, strict=False)
-        if name not in known
+        if name not in surfaces
     ]
     for x0, y0, x1, y1 in walls:
         axes.plot((x0, x1), (y0, y1), "--", color=pictures.PREDICTED, lw=2.5)
@@ -491,20 +491,20 @@ _SHADES = "Greys"  # empty is white, unknown grey, occupied black
     found=arguments.instance(RoomMap, "the map of `map_scans`, or `baseline` of the result of `map_room`"),
     room=arguments.instance(Room, "a room"),
 )
-def draw_map(found: RoomMap, room: Room | None = None) -> Figure:
+def draw_map(mapped: RoomMap, room: Room | None = None) -> Figure:
     """Return a figure of the plan with grid, arcs, walls and points; `room` is drawn dashed over it.
 
     A second plan leaves out the echoes by several reflections, where that is determined.
     """
-    direct = f"all echoes, interpreted as direct: {found.echoes}"
-    if found.followed_room is None:
-        layers = [(found.plain, f"{direct}\nnot determined which came by several reflections")]
+    direct = f"all echoes, interpreted as direct: {mapped.echoes}"
+    if mapped.followed_room is None:
+        layers = [(mapped.plain, f"{direct}\nnot determined which came by several reflections")]
     else:
-        without = f"without {found.rejected} echoes by several reflections; {found.undetermined} not determined"
-        layers = [(found.plain, direct), (found.direct, without)]
+        without = f"without {mapped.rejected} echoes by several reflections; {mapped.undetermined} not determined"
+        layers = [(mapped.plain, direct), (mapped.direct, without)]
     figure = new_figure(7 * len(layers), 7.5, 110)
     plans = figure.subplots(1, len(layers), squeeze=False, sharex=True, sharey=True)[0]
-    sensors = np.array([scan.place.position for scan in found.scans])
+    sensors = np.array([scan.place.position for scan in mapped.scans])
     for axes, (layer, title) in zip(plans, layers, strict=True):
         _draw_layer(axes, layer)
         if room is not None:

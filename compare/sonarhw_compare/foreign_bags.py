@@ -125,7 +125,7 @@ def _ros1(bag: Path) -> _Bag:
         try:
             with Reader(bag) as reader:
                 kinds = (_RANGE, _SCAN, _CLOUD, _FRAMES)
-                chosen = [one for one in reader.connections if one.msgtype in kinds]
+                chosen = [connection for connection in reader.connections if connection.msgtype in kinds]
                 for connection, time, content in reader.messages(connections=chosen) if chosen else ():
                     yield _Message(connection.topic, connection.msgtype, time, bytes(content))
         except ReaderError as error:
@@ -232,10 +232,10 @@ def _unpacked(compression: str, data: bytes, size: int) -> bytes:
 
 def _rows(bag: Path, opened: _Bag, meaning: Meaning, unknown: set[str]) -> Iterator[ForeignRow]:
     kinds = {message.topic: message.kind for message in opened.messages()}
-    known = sorted(topic for topic, kind in kinds.items() if kind in (_RANGE, _SCAN, _CLOUD))
-    if meaning.topic is not None and meaning.topic not in known:
-        raise InputError(f"{bag}: no topic {meaning.topic!r}; topics with ranges: {', '.join(known) or 'none'}")
-    chosen = known if meaning.topic is None else [meaning.topic]
+    topics = sorted(topic for topic, kind in kinds.items() if kind in (_RANGE, _SCAN, _CLOUD))
+    if meaning.topic is not None and meaning.topic not in topics:
+        raise InputError(f"{bag}: no topic {meaning.topic!r}; topics with ranges: {', '.join(topics) or 'none'}")
+    chosen = topics if meaning.topic is None else [meaning.topic]
     yaws = _yaws_of_frames(opened)
     first: int | None = None
     chosen_messages = [message for message in opened.messages() if message.topic in chosen]
@@ -254,7 +254,7 @@ def _rows(bag: Path, opened: _Bag, meaning: Meaning, unknown: set[str]) -> Itera
             yaw = yaws.get(content.header.frame_id)
             if yaw is None or meaning.step:
                 unknown.add(message.topic)
-                yaw = known.index(message.topic) * meaning.step
+                yaw = topics.index(message.topic) * meaning.step
             yield ForeignRow(where, yaw, _echo(content.range, content.min_range, content.max_range), seconds)
         elif message.kind == _SCAN:
             yield from _scan_rows(bag, where, content, seconds, number)
@@ -298,10 +298,10 @@ def _yaws_of_frames(opened: _Bag) -> dict[str, float]:
         except _DAMAGE as error:
             opened.damage.append(_reason(error))
             continue
-        for one in transforms:
-            turn = one.transform.rotation
+        for stamped in transforms:
+            turn = stamped.transform.rotation
             yaw = math.atan2(2 * (turn.w * turn.z + turn.x * turn.y), 1 - 2 * (turn.y**2 + turn.z**2))
-            parents[one.child_frame_id.lstrip("/")] = one.header.frame_id.lstrip("/"), math.degrees(yaw)
+            parents[stamped.child_frame_id.lstrip("/")] = stamped.header.frame_id.lstrip("/"), math.degrees(yaw)
     yaws = {}
     for frame in parents:
         total, at, seen = 0.0, frame, set[str]()

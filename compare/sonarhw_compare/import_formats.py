@@ -75,16 +75,16 @@ def import_format(file: Path, rate: float | None, name: str = "") -> ImportForma
     With a sampling `rate`, text is a table of samples. Raises InputError for a log, and for a folder that is no bag.
     """
     if name:
-        return next(known for known in FORMATS if known.name == name)
+        return next(kind for kind in FORMATS if kind.name == name)
     if file.is_dir():
         if any(part.suffix in (".mcap", ".db3") for part in file.iterdir()) or (file / "metadata.yaml").exists():
             return ROS
         raise InputError(f"{file}: is a folder without metadata.yaml; give a file, or the folder of a bag of ROS 2")
     start = start_of_file(file)
-    found = _of_content(file, start)
-    if found is None:
-        found = next((known for known in FORMATS if file.suffix.lower() in known.suffixes), None)
-    return (TEXT if rate is None else RAW) if found is None else found
+    kind = _of_content(file, start)
+    if kind is None:
+        kind = next((kind for kind in FORMATS if file.suffix.lower() in kind.suffixes), None)
+    return (TEXT if rate is None else RAW) if kind is None else kind
 
 
 def start_of_file(file: Path, size: int = _START) -> bytes:
@@ -101,9 +101,9 @@ def _of_content(file: Path, start: bytes) -> ImportFormat | None:
         return _of_mcap(file, start)
     if file.suffix.lower() == ".mcap":
         return ROS
-    for magic, known in _MAGIC:
+    for magic, kind in _MAGIC:
         if start.startswith(magic):
-            return known
+            return kind
     if start[:4] == b"RIFF" and start[8:12] == b"WAVE":
         return RAW
     if b"ping" in start[:80].replace(b"\0", b"").lower() and start[:2] == b"\0\0":
@@ -139,5 +139,5 @@ def _of_mcap(file: Path, start: bytes) -> ImportFormat:
 
 def formats_text() -> str:
     """Return the formats and their suffixes as a list in one sentence."""
-    listed = ((known.title, ", ".join(known.suffixes)) for known in FORMATS)
+    listed = ((kind.title, ", ".join(kind.suffixes)) for kind in FORMATS)
     return "; ".join(f"{title} ({suffixes})" if suffixes else title for title, suffixes in listed)

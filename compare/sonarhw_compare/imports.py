@@ -43,20 +43,22 @@ class TextScan:
     notes: tuple[str, ...]  # units and columns, with the evidence; what was left out
 
 
-def read_text_scan(file: Path, meaning: Meaning, layout: Layout | None = None, known: Layout | None = None) -> TextScan:
+def read_text_scan(
+    file: Path, meaning: Meaning, layout: Layout | None = None, stated: Layout | None = None
+) -> TextScan:
     """Return the readings of a text file, at least one.
 
-    Without a `layout` one is proposed; `known` are the units and the step that the user states. Raises InputError with
+    Without a `layout` one is proposed; `stated` are the units and the step that the user states. Raises InputError with
     the question that decides if something is doubtful.
     """
-    return text_scan(str(file), _content(file), meaning, layout, known)
+    return text_scan(str(file), _content(file), meaning, layout, stated)
 
 
 def text_scan(
-    where: str, data: bytes, meaning: Meaning, layout: Layout | None = None, known: Layout | None = None
+    where: str, data: bytes, meaning: Meaning, layout: Layout | None = None, stated: Layout | None = None
 ) -> TextScan:
     """Return the readings of a text, as `read_text_scan`."""
-    proposal = LayoutProposal() if layout else propose(data, begins_whole=True, known=known)
+    proposal = LayoutProposal() if layout else propose(data, begins_whole=True, known=stated)
     if layout is None:
         layout = _decided(where, proposal)
         meaning = replace(meaning, sign=-meaning.sign) if proposal.clockwise else meaning
@@ -64,7 +66,7 @@ def text_scan(
     unit = UnitChoice(layout.units)
     try:
         printed = [*decoder.feed(data), *decoder.end()]
-        decided = [one for _, one in unit.add([(0.0, one) for one in printed], last=True)]
+        decided = [reading for _, reading in unit.add([(0.0, reading) for reading in printed], last=True)]
     except InputError as error:
         raise InputError(f"{where}: {error}") from error
     finally:
@@ -116,12 +118,12 @@ def _text_rows(printed: list[Printed], layout: Layout) -> tuple[list[ForeignRow]
     """Return the rows in sweeps, and the number of readings with an angle far from both neighbours."""
     tracker = SweepTracker(begins_whole=True)
     placed, steps = [], 0
-    for one in printed[: MOST_READINGS + 1]:
-        heading = one.heading
+    for reading in printed[: MOST_READINGS + 1]:
+        heading = reading.heading
         if heading is None:
             heading = steps * (layout.step or 0.0) % 360
             steps += 1
-        placed += tracker.add(Measurement(math.radians(heading), one.ranges, restarted=one.restarted))
+        placed += tracker.add(Measurement(math.radians(heading), reading.ranges, restarted=reading.restarted))
     placed += tracker.flush()
     rows = [
         ForeignRow(
@@ -301,8 +303,8 @@ def read_ping360_log(file: Path, meaning: Meaning) -> list[Reading]:
         why = f"; {skipped[0]}" if skipped else ""
         raise InputError(f"{file}: has no profile of a Ping360; expected a log of Ping Viewer with one{why}")
     if skipped:
-        found = counted(len(skipped), "damaged message")
-        warnings.warn(f"{file}: {found} left out, of {len(readings) + len(skipped)}; {skipped[0]}", stacklevel=2)
+        damage = counted(len(skipped), "damaged message")
+        warnings.warn(f"{file}: {damage} left out, of {len(readings) + len(skipped)}; {skipped[0]}", stacklevel=2)
     return readings
 
 
@@ -355,8 +357,8 @@ def _is_whole(frame: bytes) -> bool:
 
 
 def _next_message(content: bytes, start: int, stop: int) -> int | None:
-    found = (match.start() for match in _NEXT.finditer(content, start, min(stop + 30, len(content))))
-    return next((offset for offset in found if offset < stop and _begins(content, offset)), None)
+    offsets = (match.start() for match in _NEXT.finditer(content, start, min(stop + 30, len(content))))
+    return next((offset for offset in offsets if offset < stop and _begins(content, offset)), None)
 
 
 def _sized(content: bytes, offset: int) -> tuple[bytes | None, int]:
@@ -383,10 +385,10 @@ class _Clock:
 
     def seconds(self, text: bytes) -> float | None:
         """Return the time of a message, s; None without one."""
-        found = _TIME.match(_decoded(text))
-        if found is None:
+        clock = _TIME.match(_decoded(text))
+        if clock is None:
             return None
-        hours, minutes, seconds, milliseconds = (int(digits) for digits in found.groups())
+        hours, minutes, seconds, milliseconds = (int(digits) for digits in clock.groups())
         now = 3600.0 * hours + 60.0 * minutes + seconds + milliseconds / 1000
         self._days += _DAY if now + self._days < self._before - _DAY / 2 else 0.0
         self._before = max(self._before, now + self._days)  # the clock may be set back a little
@@ -460,7 +462,7 @@ def read_scan(
     file: Path,
     meaning: Meaning | None = None,
     layout: Layout | None = None,
-    known: Layout | None = None,
+    stated: Layout | None = None,
     name: str = "",
 ) -> ImportedScan:
     """Return the readings of a file of another program, at least one. Its content selects the format, else `name`.
@@ -470,10 +472,10 @@ def read_scan(
     meaning = meaning or Meaning()
     chosen = import_format(file, meaning.rate, name)
     if chosen is TEXT:
-        scan = read_text_scan(file, meaning, layout, known)
+        scan = read_text_scan(file, meaning, layout, stated)
         return ImportedScan(scan.readings, scan.notes)
     if chosen is JSON_MCAP:
-        scan = text_scan(str(file), json_messages(file), meaning, layout, known)
+        scan = text_scan(str(file), json_messages(file), meaning, layout, stated)
         return ImportedScan(scan.readings, scan.notes)
     return ImportedScan(chosen.read(file, meaning), (f"read as {chosen.title}",))
 

@@ -183,8 +183,8 @@ def compare_scans(
     """
     from sonarhw_compare.two_scans import scan_difference
 
-    one = given_scan(first, warn)
-    pair = one, one if second is None else given_scan(second, warn)
+    given = given_scan(first, warn)
+    pair = given, given if second is None else given_scan(second, warn)
     rooms = [scan.recorded_room for scan in pair]
     names = [room.name for room in rooms if room is not None]
     if len(set(names)) > 1:

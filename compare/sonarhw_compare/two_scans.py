@@ -223,7 +223,7 @@ def scan_difference(first: HeadingSeries, second: HeadingSeries) -> ScanDifferen
     for scan, number in zip(scans, ("first", "second"), strict=True):
         if not scan:
             raise InputError(f"the {number} scan has no reading; a difference needs readings of both")
-    pairs = _pairs(*(np.array([one.heading for one in scan]) for scan in scans))
+    pairs = _pairs(*(np.array([median.heading for median in scan]) for scan in scans))
     if not len(pairs):
         raise InputError("the scans have no heading in common; give scans of the same sector")
     between = _noise_between([(scans[0][a], scans[1][b]) for a, b in pairs])

@@ -316,19 +316,19 @@ class Template:
         fields = self.fields
         if any(line.repeated for line in self.lines):
             body = next(line.repeated for line in self.lines if line.repeated)
-            return any(one.kind is ColumnKind.ANGLE for one in body.fields)
-        mounted = all(one.mount is not None for one in fields if one.kind is ColumnKind.RANGE)
-        return mounted or any(one.kind is ColumnKind.ANGLE for one in fields)
+            return any(field.kind is ColumnKind.ANGLE for field in body.fields)
+        mounted = all(field.mount is not None for field in fields if field.kind is ColumnKind.RANGE)
+        return mounted or any(field.kind is ColumnKind.ANGLE for field in fields)
 
     @property
     def has_steps(self) -> bool:
         """Whether an angle is counted in steps."""
-        return any(one.unit == STEP for one in self.fields)
+        return any(field.unit == STEP for field in self.fields)
 
     @property
     def states_unit(self) -> bool:
         """Whether the unit of the ranges is in the pattern."""
-        return all(one.unit is not None for one in self.fields if one.kind is ColumnKind.RANGE)
+        return all(field.unit is not None for field in self.fields if field.kind is ColumnKind.RANGE)
 
 
 def parse_template(text: str) -> Template:
@@ -336,11 +336,11 @@ def parse_template(text: str) -> Template:
     lines = tuple(_line(text, part) for part in re.split(r"\\n|\n", text))
     template = Template(lines)
     fields = template.fields
-    if not any(one.kind is ColumnKind.RANGE for one in fields):
+    if not any(field.kind is ColumnKind.RANGE for field in fields):
         raise InputError(f"pattern {text!r}: expected a range such as {{cm}}; fields: {_FIELDS}")
-    if sum(one.kind is ColumnKind.ANGLE for one in fields) > 1:
+    if sum(field.kind is ColumnKind.ANGLE for field in fields) > 1:
         raise InputError(f"pattern {text!r}: expected one angle; write {{-}} for a number that is ignored")
-    if len({one.unit for one in fields if one.kind is ColumnKind.RANGE}) > 1:
+    if len({field.unit for field in fields if field.kind is ColumnKind.RANGE}) > 1:
         raise InputError(f"pattern {text!r}: expected one unit for all ranges")
     return template
 
@@ -349,18 +349,18 @@ _REPEATED = re.compile(r"\[(?!\[)(.+?)(?<!\])\]\.\.\.", re.DOTALL)
 
 
 def _line(text: str, part: str) -> _Line:
-    found = _REPEATED.search(part)
-    if found is None:
+    repetition = _REPEATED.search(part)
+    if repetition is None:
         return _Line(_piece(text, part))
-    after = part[found.end() :]
+    after = part[repetition.end() :]
     if _REPEATED.search(after):
         raise InputError(f"pattern {text!r}: expected one repetition [...]... in a line")
-    core = found[1].rstrip(" ,;:|\t")
-    body = _piece(text, core, found[1][len(core) :])
-    separator = _literal(found[1][len(core) :], True)  # may be missing after the last one
+    core = repetition[1].rstrip(" ,;:|\t")
+    body = _piece(text, core, repetition[1][len(core) :])
+    separator = _literal(repetition[1][len(core) :], True)  # may be missing after the last one
     if separator:
         body = replace(body, text=rf"{body.text}(?:{separator}|(?=\s*$))")
-    return _Line(_piece(text, part[: found.start()]), body, _piece(text, after))
+    return _Line(_piece(text, part[: repetition.start()]), body, _piece(text, after))
 
 
 def _piece(text: str, part: str, after: str = "") -> _Piece:
@@ -432,9 +432,9 @@ def template_format(template: Template, units: Units, ends: re.Pattern[bytes] = 
                 return None
         if len(matched) < len(lines):
             return PART
-        found = [(line, match) for (line, _), match in zip(lines, matched, strict=True)]
+        matches = [(line, match) for (line, _), match in zip(lines, matched, strict=True)]
         matched.clear()
-        return _readings(found, units)
+        return _readings(matches, units)
 
     return LineFormat(read, ends, lambda text: bool(lines[0][1].fullmatch(text)))
 
@@ -442,25 +442,25 @@ def template_format(template: Template, units: Units, ends: re.Pattern[bytes] = 
 _Value = tuple[_Field, str]
 
 
-def _readings(found: list[tuple[_Line, re.Match[str]]], units: Units) -> Read:
+def _readings(matches: list[tuple[_Line, re.Match[str]]], units: Units) -> Read:
     """Return the readings of all lines of a pattern; None if a number is impossible."""
     values: list[_Value] = []
     repeated: list[list[_Value]] = []
-    for line, match in found:
+    for line, match in matches:
         texts = list(match.groups())
         values += zip(line.before.fields, texts, strict=False)
         if line.repeated is not None:
             body = re.compile(line.repeated.text, re.IGNORECASE)
             repeated += [
-                list(zip(line.repeated.fields, one.groups(), strict=True))
-                for one in body.finditer(texts[len(line.before.fields)])
+                list(zip(line.repeated.fields, repetition.groups(), strict=True))
+                for repetition in body.finditer(texts[len(line.before.fields)])
             ]
         values += zip(line.after.fields, texts[len(texts) - len(line.after.fields) :], strict=True)
     try:
         printed = list(_printed(values, repeated, units))
     except ValueError:
         return None
-    return None if None in printed or not printed else tuple(one for one in printed if one is not None)
+    return None if None in printed or not printed else tuple(unit for unit in printed if unit is not None)
 
 
 def _printed(values: list[_Value], repeated: list[list[_Value]], units: Units) -> Iterator[Printed | None]:
@@ -468,7 +468,7 @@ def _printed(values: list[_Value], repeated: list[list[_Value]], units: Units) -
     angle = _angle(values, units)
     ranges = [value for value in values if value[0].kind is ColumnKind.RANGE]
     unit = next(
-        (field.unit for field, _ in (*ranges, *(one for part in repeated for one in part)) if _is_range(field)), None
+        (field.unit for field, _ in (*ranges, *(pair for part in repeated for pair in part)) if _is_range(field)), None
     )
     for k, part in enumerate(repeated):
         own = _angle(part, units)
@@ -508,15 +508,15 @@ def columns_of(names: Sequence[str]) -> Columns | str | None:
     """Return the columns with these names, or what is wrong with them; None if no name is one of a quantity."""
     german = False
     meanings = [meaning_of(name, german) for name in names]
-    angles = [k for k, one in enumerate(meanings) if one.quantity is ColumnKind.ANGLE]
-    ranges = [k for k, one in enumerate(meanings) if one.quantity is ColumnKind.RANGE]
+    angles = [k for k, meaning in enumerate(meanings) if meaning.quantity is ColumnKind.ANGLE]
+    ranges = [k for k, meaning in enumerate(meanings) if meaning.quantity is ColumnKind.RANGE]
     if len(angles) > 1:  # a full word before an abbreviation
         named = [k for k in angles if meanings[k].unit != STEP and len(names[k]) > 1]
         angles = named if len(named) == 1 else angles
     if len(ranges) > 1:
         distances = [k for k in ranges if len(names[k]) > 1 and meanings[k].unit != "us"]
         ranges = distances if len(distances) == 1 else ranges
-    unsupported = [one for one in meanings if one.quantity is ColumnKind.UNSUPPORTED]
+    unsupported = [meaning for meaning in meanings if meaning.quantity is ColumnKind.UNSUPPORTED]
     if not ranges and unsupported and angles:
         return f"{unsupported[0].word!r} is not a unit of a range; expected {', '.join(RANGE_UNITS)}"
     if len(angles) != 1 or not ranges:
@@ -582,14 +582,14 @@ def json_format(units: Units) -> LineFormat:
         values = [*record.values()]
         heading, distance = values[columns.heading], values[columns.ranges[0]]
         echoes = distance if isinstance(distance, list) else [distance]
-        possible = all(one is None or isinstance(one, str) or _is_number(one) for one in echoes)
+        possible = all(echo is None or isinstance(echo, str) or _is_number(echo) for echo in echoes)
         if not _is_number(heading) or not possible:
             return None
         try:
             angle = units.heading(str(heading), columns.angle.unit)
         except ValueError:
             return None
-        texts = [None if one is None else str(one) for one in echoes]
+        texts = [None if echo is None else str(echo) for echo in echoes]
         angle = -angle if columns.angle.clockwise else angle
         return _only(units.printed(angle, texts, columns.range.unit))
 

@@ -112,17 +112,19 @@ class UnitChoice:
 
         `last`: no more will follow. Raises InputError if several units are plausible.
         """
-        if self._unit is None and not self._held and not any(map(_lacks_unit, (one for _, one in readings))):
+        if self._unit is None and not self._held and not any(map(_lacks_unit, (reading for _, reading in readings))):
             return [*readings]
         self._held += readings
         if self._unit is None and not self._decide(last):
             return []
         held, self._held = self._held, []
         scale = RANGE_UNITS[self._unit or "m"]
-        return [(when, one if one.scale is not None else replace(one, scale=scale)) for when, one in held]
+        return [
+            (when, reading if reading.scale is not None else replace(reading, scale=scale)) for when, reading in held
+        ]
 
     def _decide(self, last: bool) -> bool:
-        numbers = [number for _, one in self._held if _lacks_unit(one) for number in one.numbers]
+        numbers = [number for _, reading in self._held if _lacks_unit(reading) for number in reading.numbers]
         if len(self._held) < _HELD and not last:
             return False
         decision = _range_unit(numbers, NameMeaning(), Layout())
@@ -143,15 +145,15 @@ def sweep_text(proposal: LayoutProposal) -> tuple[str, ...]:
     readings = proposal.readings
     if not readings:
         return ()
-    headings = [one.heading for one in readings if one.heading is not None]
-    scales = {one.scale for one in readings}
-    numbers = [number for one in readings for number in one.numbers]
+    headings = [reading.heading for reading in readings if reading.heading is not None]
+    scales = {reading.scale for reading in readings}
+    numbers = [number for reading in readings for number in reading.numbers]
     turned = f"angles {min(headings):g}° to {max(headings):g}°" if headings else "no angles"
-    silent = sum(not one.numbers for one in readings)
+    silent = sum(not reading.numbers for reading in readings)
     if None in scales or not numbers:
         reach = f"ranges {min(numbers, default=0):g} to {max(numbers, default=0):g}"
     else:
-        ranges = [distance for one in readings for distance in one.ranges]
+        ranges = [distance for reading in readings for distance in reading.ranges]
         reach = f"ranges {min(ranges):.3g} m to {max(ranges):.3g} m"
     still = "; the angle does not change" if headings and len({*headings}) == 1 and len(headings) >= 8 else ""
     shown = f"{len(readings)} readings, {turned}, {reach}, {silent} without an echo{still}"
@@ -176,7 +178,7 @@ def _binary(name: str, data: bytes, stated: Layout) -> LayoutProposal | None:
     decoder = make_decoder(layout)
     readings = decoder.feed(data)
     assert layout.frame is not None
-    varies = any(one.numbers for one in readings)
+    varies = any(reading.numbers for reading in readings)
     if len(readings) < FEWEST or len(readings) * layout.frame.size < 0.8 * len(data) or not varies:
         return None
     evidence = (f"binary messages of {name} ({preset.example}), range in {UNIT_NAMES[preset.unit or 'mm']}",)
@@ -232,14 +234,14 @@ _MODELS_MM = ("1003", "1013", "1023", "1033", "1043", "1603", "1613", "1623", "1
 
 def _maxbotix(lines: list[str], ends: str, stated: Layout) -> LayoutProposal:
     """Recognise the rangefinders of MaxBotix. Their unit follows from the model, the digits or the proximity flag."""
-    found = [match for line in lines if (match := _MAXBOTIX.fullmatch(line))]
-    if ends or len(found) < max(FEWEST, _SHARE * len(lines)):
+    matches = [match for line in lines if (match := _MAXBOTIX.fullmatch(line))]
+    if ends or len(matches) < max(FEWEST, _SHARE * len(lines)):
         return LayoutProposal()
-    numbers = [float(match[1]) for match in found]
+    numbers = [float(match[1]) for match in matches]
     model = next((match[1] for line in lines if (match := _MODEL.search(line))), None)
-    digits = {len(match[1]) for match in found}
+    digits = {len(match[1]) for match in matches}
     layout = replace(stated, preset="maxbotix", pattern="", ends="")
-    unit, why = _unit_of_maxbotix(model, digits, any(match[2] for match in found), max(numbers), stated)
+    unit, why = _unit_of_maxbotix(model, digits, any(match[2] for match in matches), max(numbers), stated)
     question = "three digits are centimetres (XL models) or inches (LV models): add unit=cm or unit=in"
     questions = () if unit else (question,)
     evidence = (f"range in {UNIT_NAMES[unit]}: {why}",) if why and unit else ()
@@ -285,7 +287,9 @@ def _json(lines: list[str], ends: str, stated: Layout) -> LayoutProposal:
         )
     heading, distance = keys[columns.heading], keys[columns.ranges[0]]
     values = [[record.get(heading), record.get(distance)] for record in records]
-    numbers = [[float(one) for one in column if isinstance(one, int | float)] for column in zip(*values, strict=True)]
+    numbers = [
+        [float(cell) for cell in column if isinstance(cell, int | float)] for column in zip(*values, strict=True)
+    ]
     layout = replace(stated, preset="jsonl", pattern="", ends="")
     angle, reach = _angle_unit(numbers[0], columns.angle, stated), _range_unit(numbers[1], columns.range, stated)
     layout = replace(
@@ -329,7 +333,7 @@ def _header(lines: list[str], ends: str, stated: Layout) -> LayoutProposal:
         cells, below = cut[number], cut[number + 1 :]
         if len(cells) < 2 or not any(char.isalpha() for char in line) or _is_numeric(cells):
             continue
-        rows = [one for one in below if len(one) == len(cells) and sum(map(_is_number_text, one)) >= 2]
+        rows = [row for row in below if len(row) == len(cells) and sum(map(_is_number_text, row)) >= 2]
         if len(rows) < max(min(FEWEST, len(below)), _SHARE * len(below)):
             continue
         columns = columns_of(cells)
@@ -561,12 +565,12 @@ class _Records:
 
 def _records(tokens: list[_Tokens]) -> list[_Records]:
     """Return how lines may be grouped to readings, the likely one first."""
-    counts = Counter(one.shape for one in tokens if one.numbers)
+    counts = Counter(line.shape for line in tokens if line.numbers)
     if not counts:
         return []
     shape, most = counts.most_common(1)[0]
     total = sum(counts.values())
-    alone = _Records([[one] for one in tokens if one.shape == shape], 1)
+    alone = _Records([[line] for line in tokens if line.shape == shape], 1)
     groups = []
     if most < 0.7 * total:
         for height in (2, 3, 4):
@@ -580,20 +584,20 @@ def _records(tokens: list[_Tokens]) -> list[_Records]:
 
 def _repeated(tokens: list[_Tokens], counts: Counter[tuple[str, ...]], height: int) -> _Records | None:
     """Return readings of `height` lines each, if lines of different shapes follow each other in turn."""
-    lines = [one for one in tokens if one.numbers or _is_silence(one)]
+    lines = [line for line in tokens if line.numbers or _is_silence(line)]
     usual = {shape for shape, count in counts.items() if count >= max(2, 0.1 * sum(counts.values()) / height)}
     windows = Counter(
-        tuple(one.shape for one in lines[k : k + height])
+        tuple(line.shape for line in lines[k : k + height])
         for k in range(len(lines) - height + 1)
-        if all(one.shape in usual for one in lines[k : k + height])
-        and len({one.shape for one in lines[k : k + height]}) == height
+        if all(line.shape in usual for line in lines[k : k + height])
+        and len({line.shape for line in lines[k : k + height]}) == height
     )
     if not windows:
         return None
     shapes = _first_of_cycle(lines, windows)
     rows, k = [], 0
     while k + height <= len(lines):
-        if tuple(one.shape for one in lines[k : k + height]) == shapes:
+        if tuple(line.shape for line in lines[k : k + height]) == shapes:
             rows.append(lines[k : k + height])
             k += height
         else:
@@ -781,9 +785,9 @@ _Roles = tuple[int | None, list[int], list[str]]  # columns of the angle and of 
 def _roles(columns: list[list[float]], labels: list[_Label]) -> _Roles | str:
     """Return the columns of the angle and of the ranges, with the evidence; or the question that decides."""
     meanings = [label.meaning for label in labels]
-    angles = [k for k, one in enumerate(meanings) if one.quantity is ColumnKind.ANGLE]
-    ranges = [k for k, one in enumerate(meanings) if one.quantity is ColumnKind.RANGE]
-    unsupported = [one.word for one in meanings if one.quantity is ColumnKind.UNSUPPORTED]
+    angles = [k for k, meaning in enumerate(meanings) if meaning.quantity is ColumnKind.ANGLE]
+    ranges = [k for k, meaning in enumerate(meanings) if meaning.quantity is ColumnKind.RANGE]
+    unsupported = [meaning.word for meaning in meanings if meaning.quantity is ColumnKind.UNSUPPORTED]
     if unsupported and not ranges:
         return f"{unsupported[0]!r} is not a unit of a range; expected {', '.join(RANGE_UNITS)}"
     if len(angles) > 1:
@@ -793,15 +797,15 @@ def _roles(columns: list[list[float]], labels: list[_Label]) -> _Roles | str:
         angles = moving
     free = [
         k
-        for k, one in enumerate(meanings)
-        if one.quantity in (None, ColumnKind.UNSUPPORTED) and len({*columns[k]}) > 1 and k not in (*angles, *ranges)
+        for k, meaning in enumerate(meanings)
+        if meaning.quantity in (None, ColumnKind.UNSUPPORTED) and len({*columns[k]}) > 1 and k not in (*angles, *ranges)
     ]
     evidence: list[str] = []
     if not angles:
-        found = _angle_among(columns, free, bool(ranges))
-        if isinstance(found, str):
-            return found
-        angles = [] if found is None else [found]
+        angle = _angle_among(columns, free, bool(ranges))
+        if isinstance(angle, str):
+            return angle
+        angles = [] if angle is None else [angle]
         if angles and not labels[angles[0]].named:
             evidence.append(f"angle: number {angles[0] + 1} of the line, because it sweeps")
     if not ranges:
@@ -882,9 +886,9 @@ def _ring(records: _Records, lines: list[str], ends: str, stated: Layout) -> Lay
             rest = [[float(text.replace(",", ".")) for text in row.numbers[1:]] for row in tokens]
             if skipped == 0 and width == 1 and _is_flag(flag, rest):
                 continue
-            found = _repeated_numbers(tokens, literals, skipped, width, lines, ends, stated)
-            if found is not None:
-                return found
+            proposal = _repeated_numbers(tokens, literals, skipped, width, lines, ends, stated)
+            if proposal is not None:
+                return proposal
     return None
 
 
@@ -897,7 +901,7 @@ def _repeated_numbers(
     ends: str,
     stated: Layout,
 ) -> LayoutProposal | None:
-    rows = [[float(text.replace(",", ".")) for text in one.numbers] for one in tokens]
+    rows = [[float(text.replace(",", ".")) for text in line.numbers] for line in tokens]
     sensors = (len(literals) - 1 - skipped) // width
     body = list(literals[skipped + 1 : skipped + 1 + width])
     labels = _labels((literals[skipped] if skipped == 0 else "", *body), None)
@@ -908,7 +912,7 @@ def _repeated_numbers(
     angle, facts = _Unit(None), [f"{sensors} readings in a line"]
     if width == 2:
         first = [[row[skipped + width * k] for k in range(sensors)] for row in rows]
-        counts = all(one == [*range(sensors)] or one == [*range(1, sensors + 1)] for one in first)
+        counts = all(row == [*range(sensors)] or row == [*range(1, sensors + 1)] for row in first)
         if counts or labels[0].meaning.quantity is ColumnKind.OTHER:
             lead = "{-}"
         elif sweeps(first[0]) >= _REGULAR or labels[0].meaning.quantity is ColumnKind.ANGLE:

@@ -524,9 +524,9 @@ def pulse_shape(board: Board, scans: Sequence[PlateReadings]) -> tuple[Measured,
     suitable = [pulse for scan in scans for pulse in _suitable(scan, len(scans))]
     if len(suitable) < _FEWEST_PULSES:
         return None
-    rises, rings = np.array([_shape_of(board, *one, own_ring=True) for one in suitable]).T
+    rises, rings = np.array([_shape_of(board, *pulse, own_ring=True) for pulse in suitable]).T
     if 1 / _MOST_SLOPE <= float(np.median(rings / rises)) <= _MOST_SLOPE:
-        rises, _ = np.array([_shape_of(board, *one, own_ring=False) for one in suitable]).T
+        rises, _ = np.array([_shape_of(board, *pulse, own_ring=False) for pulse in suitable]).T
         return _median(rises), None
     return _median(rises), _median(rings)
 

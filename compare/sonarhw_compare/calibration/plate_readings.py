@@ -206,8 +206,8 @@ def plate_readings(
 
     Raises NoPlate if the plate is heard at too few headings, or far from the stated direction.
     """
-    near = [one for one in readings if abs(math.remainder(one.angle - direction, math.tau)) <= WIDEST]
-    turned = np.array([direction + math.remainder(one.angle - direction, math.tau) for one in near])
+    near = [reading for reading in readings if abs(math.remainder(reading.angle - direction, math.tau)) <= WIDEST]
+    turned = np.array([direction + math.remainder(reading.angle - direction, math.tau) for reading in near])
     angles, rows = np.unique(np.round(turned, 9), return_inverse=True)
     pings = np.bincount(rows, minlength=len(angles))
     heard = _heard(near, rows, len(angles), distance - NEARER, distance + FARTHER)
@@ -216,7 +216,7 @@ def plate_readings(
         name,
         distance,
         direction,
-        float(np.median([one.speed_of_sound for one in readings])),
+        float(np.median([reading.speed_of_sound for reading in readings])),
         angles,
         pings,
         heard,
@@ -229,8 +229,8 @@ def plate_readings(
     )
     plate = replace(plate, middle=_middle(plate, board))
     _check(plate)
-    central = [one for one, angle in zip(near, turned, strict=True) if abs(angle - plate.middle) < _CENTRAL]
-    within = [[echo for echo in one.echo_ranges if abs(echo - distance) <= NEARER] for one in central]
+    central = [reading for reading, angle in zip(near, turned, strict=True) if abs(angle - plate.middle) < _CENTRAL]
+    within = [[echo for echo in reading.echo_ranges if abs(echo - distance) <= NEARER] for reading in central]
     # a long burst is reported again once the board has re-armed, so only the first echo counts
     ranges = [echoes[0] for echoes in within if echoes]
     if not ranges:
@@ -447,10 +447,10 @@ def _longest_arc(ranges: Sequence[FloatArray]) -> NDArray[np.intp]:
     longest: list[int] = []
     row: list[int] = []
     last = math.nan
-    for k, found in enumerate(ranges):
-        here = float(np.median(found)) if len(found) else math.nan
+    for k, echoes in enumerate(ranges):
+        here = float(np.median(echoes)) if len(echoes) else math.nan
         continues = abs(here - last) <= _JUMP
-        row = [*row, k] if continues else [k] if len(found) else []
+        row = [*row, k] if continues else [k] if len(echoes) else []
         longest = max(longest, row, key=len)
         last = here
     return np.array(longest, dtype=np.intp)
@@ -500,7 +500,7 @@ def _without_rims(hits: NDArray[np.intp], ranges: Sequence[FloatArray]) -> NDArr
 
 def _check_flatness(central: Sequence[FloatArray]) -> None:
     """Raise NoPlate unless the ranges in the middle of the arc, m by heading, are those of a flat plate."""
-    middle, spread = np.array([float(np.median(found)) for found in central]), float(np.std(np.concatenate(central)))
+    middle, spread = np.array([float(np.median(echoes)) for echoes in central]), float(np.std(np.concatenate(central)))
     slope = float(np.polyfit(np.linspace(0, 1, len(middle)), middle, 1)[0]) if len(middle) > 1 else 0.0
     if spread > MOST_SPREAD or abs(slope) > MOST_SLOPE:
         raise NoPlate(

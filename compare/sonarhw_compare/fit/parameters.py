@@ -228,8 +228,10 @@ def tolerated_parameters(
     """
     taken = {parameter.name for parameter in free}
     words = [word for quantity in quantities.QUANTITIES for word in _words(quantity, room, walls)]
-    parameters = [_tolerated(one, room, board, room_tolerance) for one in free_parameters(words, [""], room, board)]
-    return tuple(one for one in parameters if one.deviation and one.name not in taken)
+    parameters = [
+        _tolerated(parameter, room, board, room_tolerance) for parameter in free_parameters(words, [""], room, board)
+    ]
+    return tuple(parameter for parameter in parameters if parameter.deviation and parameter.name not in taken)
 
 
 def _words(quantity: quantities.Quantity, room: Room, walls: Sequence[str]) -> list[str]:

@@ -182,8 +182,8 @@ def _length(name: str, label: str, key: str, **more: Any) -> BoardQuantity:
 def _with_reflectances(room: "Room", values: Mapping[str, float]) -> "Room":
     import numpy as np
 
-    present = {one: reflectance_of(room, one) for one in values}
-    factors = {one: value / present[one] for one, value in values.items() if present[one]}
+    present = {material: reflectance_of(room, material) for material in values}
+    factors = {material: value / present[material] for material, value in values.items() if present[material]}
     by_surface = np.array([factors.get(material, 1.0) for material in room.materials])
     return replace(room, reflectances=room.reflectances * by_surface, scattered=room.scattered * by_surface)
 
@@ -337,7 +337,7 @@ REFLECTANCE = PartQuantity(
     overlap=2.0,
     tolerance=lambda _: _REFLECTANCE_TOLERANCE,
     part="MATERIAL",
-    parts=lambda room: tuple(one for one in room.materials if one not in room.tables),
+    parts=lambda room: tuple(material for material in room.materials if material not in room.tables),
     value=reflectance_of,
     put=_with_reflectances,
     write=_write_reflectances,
@@ -367,8 +367,12 @@ QUANTITIES: tuple[Quantity, ...] = (
     *(REFLECTANCE, WALL),
 )
 # each word of --free, and its quantities
-WORDS: dict[str, tuple[Quantity, ...]] = {one.name: (one,) for one in QUANTITIES}
-WORDS |= {word: tuple(one for one in QUANTITIES if one.group == word) for word in (q.group for q in QUANTITIES) if word}
+WORDS: dict[str, tuple[Quantity, ...]] = {quantity.name: (quantity,) for quantity in QUANTITIES}
+WORDS |= {
+    word: tuple(quantity for quantity in QUANTITIES if quantity.group == word)
+    for word in (q.group for q in QUANTITIES)
+    if word
+}
 
 
 def quantity_named(name: str) -> Quantity:

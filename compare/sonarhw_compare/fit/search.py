@@ -480,7 +480,9 @@ class Marginals:
         """Differences of the tolerated values from those of room and board, (t,), and their covariance (t, t)."""
         rows = np.flatnonzero([parameter.is_tolerated for parameter in self.problem.parameters])
         mean = self.samples.mean(axis=0) if len(self.samples) else self.middle
-        return mean[rows] - [one.expected or 0.0 for one in self.tolerated], self.covariance[np.ix_(rows, rows)]
+        return mean[rows] - [parameter.expected or 0.0 for parameter in self.tolerated], self.covariance[
+            np.ix_(rows, rows)
+        ]
 
 
 def marginals_of(problem: Problem, values: FloatArray, options: FitOptions, tick: Callable[[float], None]) -> Marginals:

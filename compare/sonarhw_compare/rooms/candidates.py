@@ -82,7 +82,7 @@ def post_candidates(
                 support -= _CONTRADICTION * float(((table.ranges > distances + _THROUGH) & near).sum())
             if support >= 1.0:
                 posts.append((support, DraftPost(point, radius)))
-    posts.sort(key=lambda one: -one[0])
+    posts.sort(key=lambda ranked: -ranked[0])
     kept: list[DraftPost] = []
     for _, post in posts:
         if len(kept) < most and not any(

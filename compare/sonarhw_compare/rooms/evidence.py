@@ -304,7 +304,7 @@ def scored_if_near(evidence: Evidence, drafts: Sequence[RoomDraft], best: Scored
             least = evidence.log_likelihoods([best.draft], ROUGH, some)[0] - _HOPELESS
             scores = evidence.log_likelihoods(left, ROUGH, some)
             left = [draft for draft, score in zip(left, scores, strict=True) if score > least]
-    near = {id(one.draft): one for one in all_scored(evidence, left)}
+    near = {id(candidate.draft): candidate for candidate in all_scored(evidence, left)}
     return [near.get(id(draft), Scored(draft, -np.inf)) for draft in drafts]
 
 

@@ -57,11 +57,11 @@ def threshold_deviation(evidence: Evidence, draft: RoomDraft) -> float | None:
         return None
     drafts = [replace(draft, threshold_db=draft.threshold_db + by) for by in _BESIDE.tolist()]
     likelihoods = np.zeros(len(drafts))
-    for row, one in enumerate(drafts):
-        for problem, readings in zip(evidence.problems, evidence.by_reading(one, ROUGH), strict=True):
+    for row, other in enumerate(drafts):
+        for problem, readings in zip(evidence.problems, evidence.by_reading(other, ROUGH), strict=True):
             arrays = problem.scans[0]
             likelihoods[row] += readings.sum() / mean_run(arrays.angles, arrays.ranges[:, 0])
-    return _moments(_BESIDE, likelihoods + [evidence.log_prior(one) for one in drafts], _LEAST_THRESHOLD)[1]
+    return _moments(_BESIDE, likelihoods + [evidence.log_prior(other) for other in drafts], _LEAST_THRESHOLD)[1]
 
 
 def _moments(values: FloatArray, logarithms: FloatArray, least: float) -> tuple[float, float]:

@@ -159,7 +159,7 @@ def with_wall(
     found_lines = candidates.wall_candidates(arcs, unexplained, _TRIED, common_angle(best.draft))
     walls = [wall for wall in found_lines if not evidence.refuses(wall)]
     alone = all_scored(evidence, (best.draft.with_new_wall(wall)[0] for wall in walls), noise)
-    tried = sorted(zip(alone, walls, strict=True), key=lambda one: -one[0].score)
+    tried = sorted(zip(alone, walls, strict=True), key=lambda scored_wall: -scored_wall[0].score)
     completed = [draft for _, wall in tried[:_COMPLETED] for draft in candidates.joined(best.draft, wall)]
     points = [post.center for post in candidates.post_candidates(arcs, unexplained, _CORNERS, (0.0,))]
     completed += [
@@ -167,8 +167,11 @@ def with_wall(
         for draft in (*candidates.cornered(best.draft, points), *candidates.continued(best.draft))
         if not evidence.refuses(draft.walls[max(draft.walls)])
     ]
-    drafts = [*(one for one, _ in tried[:1]), *leading(evidence, completed, _least_explained(unexplained), noise)]
-    return max(drafts, key=lambda one: one.score, default=best)
+    drafts = [
+        *(alone_best for alone_best, _ in tried[:1]),
+        *leading(evidence, completed, _least_explained(unexplained), noise),
+    ]
+    return max(drafts, key=lambda draft: draft.score, default=best)
 
 
 def with_post(
@@ -217,7 +220,7 @@ def turned_square(evidence: Evidence, draft: RoomDraft, key: int) -> Scored | No
     draft = centred(draft)
     wall = draft.walls[key]
     turned = (draft.with_wall(key, _turned(wall, place.position, -away)) for place in draft.places)
-    tried = max(all_scored(evidence, turned), key=lambda one: one.score)
+    tried = max(all_scored(evidence, turned), key=lambda draft: draft.score)
     return refined(evidence, tried.draft, ROUGH, _SQUARING_STEPS) if math.isfinite(tried.score) else None
 
 
@@ -309,10 +312,10 @@ def _in_one(draft: RoomDraft, key: int, other: int) -> RoomDraft:
         DraftEnd(at, None if meet in (key, other) else meet) for at, meet in zip((-half, half), meets, strict=True)
     )
     walls = {**draft.walls, key: DraftWall((x, y), math.atan2(along[1], along[0]), (begin, end))}
-    for name, one in walls.items():
-        own = [replace(end, meets=key) if end.meets == other else end for end in one.ends]
-        walls[name] = replace(one, ends=(own[0], own[1]))
-    return replace(draft, walls={name: one for name, one in walls.items() if name != other})
+    for name, wall in walls.items():
+        own = [replace(end, meets=key) if end.meets == other else end for end in wall.ends]
+        walls[name] = replace(wall, ends=(own[0], own[1]))
+    return replace(draft, walls={name: wall for name, wall in walls.items() if name != other})
 
 
 # The room that scans show: growth, refinement, and what the scans do not show.

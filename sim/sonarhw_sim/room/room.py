@@ -54,8 +54,8 @@ def walls_enclose(walls: FloatArray, point: tuple[float, float]) -> bool:
     before = walls[:, :2] - point
 
     def direction(rows: NDArray[np.intp]) -> FloatArray:
-        start, there = before[rows], contacts - point
-        turned = np.arctan2(_cross(start, there), (start * there).sum(axis=1))
+        start, end = before[rows], contacts - point
+        turned = np.arctan2(_cross(start, end), (start * end).sum(axis=1))
         return np.asarray(np.arctan2(start[:, 1], start[:, 0]) + turned)
 
     turns = np.rint((direction(first) - direction(second)) / math.tau).astype(np.intp)
@@ -133,7 +133,7 @@ class ReflectanceTable:
         Beyond its ends, the table continues with its last values.
         """
         by_angle = np.array([np.interp(angles, self.angles, column) for column in self.values.T])
-        return np.array([np.interp(frequencies, self.frequencies, one) for one in by_angle.T]).reshape(
+        return np.array([np.interp(frequencies, self.frequencies, column) for column in by_angle.T]).reshape(
             len(angles), len(frequencies)
         )
 
