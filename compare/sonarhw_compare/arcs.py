@@ -91,7 +91,7 @@ class ArcRule(NamedTuple):
 
 CERTAIN = ArcRule(TOLERANCE, LEAST, 0.010)  # for a map, whose features nothing else judges
 # for candidates, which the likelihood judges; 1 cm of noise spreads 10 readings over 3 cm. With a deviation of 0.010,
-# a room of the benchmark is found worse (docs/explanation/room_search.md)
+# a room of the benchmark is found worse (docs/explanation/fit_method.md)
 POSSIBLE = ArcRule(0.06, math.radians(4), 0.015)
 
 

@@ -26,6 +26,7 @@ MOVED = {
     "how_to/plan.html": "window.html#the-plan-key-1",
     "how_to/trace.html": "window.html#traces",
     "how_to/window_searches.html": "window.html#fit-f9",
+    "explanation/room_search.html": "fit_method.html#the-search-for-a-room",
 }
 _IN_DOCS = re.compile(r"\]\((?:\.\./)?docs/")
 # links to files that are not pages of the site; only their text is kept

@@ -411,7 +411,7 @@ def _moves_with(draft: RoomDraft, key: int, move: Move) -> bool:
 
 UNKNOWN, UNKNOWN_TURN = 0.3, math.radians(5)  # m, rad: standard deviations of what no range determines
 _MOST, _MOST_TURN = 0.03, math.radians(3)  # m, rad: by which a value moves at once
-# deviations by those of the least squares: for wrong paths; chosen in ten rooms (docs/explanation/room_search.md)
+# deviations by those of the least squares: for wrong paths; chosen in ten rooms (docs/explanation/fit_method.md)
 _WIDER = 1.2
 _TUNING = 2.385  # of Cauchy weights: 95 % efficient for normal errors
 _HALVINGS = 3  # of a step that makes a wall too short
