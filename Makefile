@@ -138,7 +138,7 @@ mutation: tools
 # the documentation site, in build/site; fails on a broken link
 docs: setup
 	@$(call locked,base gui docs)
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build # with --quiet, mkdocs counts no warnings
 
 # make demo and test on a new Debian 12; needs root and debootstrap. Other targets: FRESH="demo check"
 fresh:

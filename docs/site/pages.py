@@ -1,4 +1,4 @@
-"""Pages of the documentation site from outside docs/: README, protocol, porting, CONTRIBUTING, CHANGELOG, commands.
+"""Pages of the site from outside docs/: README, protocol, porting, CONTRIBUTING, CHANGELOG, commands; Python by task.
 
 MkDocs runs this file as a hook (see mkdocs.yml). Links to these files are changed to links to their pages.
 """
@@ -12,6 +12,8 @@ from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 from sonarhw_cli.app import app
 from typer.cli import get_docs_for_click
+
+import sonarhw
 
 ROOT = Path(__file__).parents[2]
 PAGES = {
@@ -43,7 +45,9 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Return the text of a page with links to pages of the site."""
+    """Return the text of a page with links to pages of the site; the page of `sonarhw` in the order of its tasks."""
+    if page.file.src_uri == "reference/sonarhw.md":
+        markdown = _by_task()
     for source, target in PAGES.items():
         markdown = re.sub(rf"\]\((?:\.\./)*{re.escape(source)}", f"]({_up(page)}{target}", markdown)
     return _NO_PAGE.sub(r"\1", markdown)
@@ -58,6 +62,20 @@ def on_post_build(config: MkDocsConfig) -> None:
 
 def _up(page: Page) -> str:
     return "../" * page.file.src_uri.count("/")
+
+
+def _by_task() -> str:
+    """Return the reference of `sonarhw`: each task of its docstring is a heading, followed by the names it lists."""
+    introduction, *tasks = re.split(r"^(\w[\w ]+)\n\n(?=- )", str(sonarhw.__doc__), flags=re.MULTILINE)
+    parts, remaining = [f"# sonarhw\n\n{introduction}"], set(sonarhw.__all__)
+    for title, text in zip(tasks[::2], tasks[1::2], strict=True):
+        names = [name for name in dict.fromkeys(re.findall(r"`(\w+)`", text)) if name in remaining]
+        remaining -= {*names}
+        parts += [
+            f"## {title}\n\n{text}",
+            *(f"::: sonarhw.{name}\n    options: {{heading_level: 3}}\n" for name in names),
+        ]
+    return "\n".join(parts)
 
 
 def _commands() -> str:
