@@ -30,6 +30,8 @@ def fake() -> Iterator[str]:
 
 def cost(url: str, sweeps: int) -> tuple[float, float, float]:
     """Return wall clock and processor time of a scan, s, and its peak memory, MB."""
+    if sys.platform == "win32":
+        raise NotImplementedError("Windows has no wait4")
     with TemporaryDirectory() as folder:
         options = ["--to", str(SWEEP), "--step", "1", "--sweeps", str(sweeps), "--traces"]
         command = [*SONARHW, "scan", url, "--out", f"{folder}/scan.mcap", *options]

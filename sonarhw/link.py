@@ -5,6 +5,7 @@ import os
 import re
 import select
 import socket
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -268,16 +269,17 @@ class Link:
         """Open `url`. Raises InputError for an invalid URL, LinkBusy, LinkForbidden, or LinkError if it fails."""
         _check_url(url)
         self.url = url
+        exact = _matching_url(url) if url.startswith("hwgrep://") else url
         try:
-            self._port = _closed_port(url)
+            self._port = _closed_port(exact)
             # a rising DTR resets many boards
             self._port.dtr = False
-            if os.name == "posix" and "://" not in url:
+            if sys.platform != "win32" and "://" not in url:
                 self._port.exclusive = True
             self._port.open()
         except _OPENING_ERRORS as error:
             raise _why_not_open(url, error) from error
-        self._selectable = os.name == "posix" and _has_descriptor(self._port)
+        self._selectable = sys.platform != "win32" and _has_descriptor(self._port)
         self._woken, self._waker = socket.socketpair()
         self._waker.setblocking(False)
         self._baud = FIRST_BAUD
@@ -405,6 +407,29 @@ def _check_pattern(url: str) -> None:
         raise InputError(f"{url}: invalid regular expression: {error}; write \\ before a bracket") from error
 
 
+def _matching_url(url: str) -> str:
+    """Return a URL for exactly the ports that match now. Raises LinkError without one, InputError for a slow pattern.
+
+    A match of pyserial has no limit of time, and nothing else of this program runs meanwhile.
+    """
+    from sonarhw.text.layouts import MatchingProcess  # few URLs need it
+
+    pattern, *options = url.removeprefix("hwgrep://").split("&")
+    matching = MatchingProcess(pattern, re.IGNORECASE, "search")
+    try:
+        texts = {port.device: (port.device, port.description, port.hwid) for port in comports()}
+        devices = [device for device in texts if any(matching.groups(text) is not None for text in texts[device])]
+    except TimeoutError as error:
+        raise InputError(
+            f"{url}: matching this pattern takes more than a second; write it without a repetition within a repetition"
+        ) from error
+    finally:
+        matching.close()
+    if not devices:
+        raise LinkError(f"{url}: no port matches this pattern; `sonarhw ports` lists the existing ones")
+    return "&".join((f"hwgrep://^(?:{'|'.join(map(re.escape, devices))})$", *options))
+
+
 def _has_modem_lines(port: serial.SerialBase) -> bool:
     try:
         return getattr(port, "cts", None) is not None
@@ -414,7 +439,7 @@ def _has_modem_lines(port: serial.SerialBase) -> bool:
 
 def _keep_dtr_when_closed(port: serial.SerialBase) -> None:
     """Keep DTR unchanged at the end, so that opening the port again does not reset the board."""
-    if os.name != "posix":
+    if sys.platform == "win32":
         return
     import termios
 
@@ -457,7 +482,7 @@ def _why_not_open(url: str, error: Exception) -> LinkError:
 
 
 def _how_to_get_permission(url: str) -> str:
-    if os.name != "posix":
+    if sys.platform == "win32":
         return "if another program uses it, close that program"
     import grp
 

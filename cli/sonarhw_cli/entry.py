@@ -21,7 +21,7 @@ from types import FrameType
 from sonarhw_cli.interruption import LAST_WORDS, SIGNALS
 
 INTERRUPTED = 130  # ExitStatus.INTERRUPTED, which is not imported before the handler is installed
-UNWINDING = 1.8  # s from the first signal until the process exits, whatever is still running
+UNWINDING = 1.8  # s from the first signal, or from the end of the work, until the process exits, whatever still runs
 _LAST_WORDS = 0.1  # s for printing what was kept; standard error may accept nothing
 _HANGUP = getattr(signal, "SIGHUP", None)  # Windows has none
 
@@ -66,6 +66,10 @@ class Interrupt:
             os.set_blocking(writer, False)
         signal.set_wakeup_fd(writer)
         self._threads.append(_started(self._watch, reader))
+
+    def end_soon(self) -> None:
+        """End the process UNWINDING from now: a thread of a library may never end."""
+        self._threads.append(_started(self._end_later))
 
     def wait_for_threads(self) -> None:
         """Wait until the threads of the handler run: Python can crash if it exits while one is starting."""
@@ -169,6 +173,7 @@ def main() -> None:
         interrupt.status = INTERRUPTED
     # after the threads have ended, which a signal must be able to interrupt
     atexit.register(_ignore, handled)
+    interrupt.end_soon()
     interrupt.wait_for_threads()
     sys.exit(interrupt.status)
 

@@ -1,7 +1,7 @@
 """`sonarhw demo` and `sonarhw gui`: open the window."""
 
 import gc
-import os
+import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass, replace
@@ -136,7 +136,7 @@ def _kind(source: str) -> str:
     expected = f"expected a log (*{LOG}), a scan (*{_SCAN}), a room (name or *{_ROOM}) or the URL of a scanner"
     if path.is_file() or path.is_dir():
         raise InputError(f"{source}: {expected}")
-    if os.name == "posix" and ":" not in source and not path.exists():
+    if sys.platform != "win32" and ":" not in source and not path.exists():
         near = did_you_mean(source, [*room_names(), *(str(file) for file in path.parent.glob("*"))])
         raise InputError(f"{source}: there is no such file or port{near or ';'} {expected}")
     return ""

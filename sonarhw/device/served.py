@@ -11,6 +11,7 @@ import math
 import os
 import select
 import socket
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -168,8 +169,6 @@ class PtyServerPort:
 
     def __init__(self, link: Path | None) -> None:
         """Open a pseudo-terminal. `link` points to it until `close`. Raises InputError if `link` cannot be created."""
-        if os.name != "posix":
-            raise InputError("this operating system has no pseudo-terminals; use TCP, 127.0.0.1:0")
         self._first_link = link
         self._open(link)
 
@@ -213,6 +212,8 @@ class PtyServerPort:
         self._close_descriptors()
 
     def _open(self, link: Path | None) -> None:
+        if sys.platform == "win32":
+            raise InputError("this operating system has no pseudo-terminals; use TCP, 127.0.0.1:0")
         import tty
 
         self._master, slave = os.openpty()
@@ -468,7 +469,7 @@ def in_thread(
     work: Callable[[], None],
     end: Callable[[], None],
     failed: Callable[[], None],
-    within: float | None = None,
+    within: float = 2.0,
 ) -> Iterator[None]:
     """Call `work` in a thread. At the end of the block, `end` it, wait `within` s for it, and raise its error.
 

@@ -41,6 +41,7 @@ from sonarhw.wire.readings_of_frames import reading_message, trace_chunks
 
 
 _NO_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.EROFS)  # errors of pipes and devices without fsync
+SYNCED_WITHIN = 10.0  # s for the last sync; a disk that does not answer must not hold the end of a program
 _MOST_COPIED = 64_000_000  # bytes of a log that are kept in memory, for a drive that is removed
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)  # errors after which all earlier bytes are kept
 
@@ -201,15 +202,14 @@ class LogFile:
         if self._file.closed:
             return
         try:
-            self._sync_thread.stop()
-            _sync(self._file)
+            self._sync_thread.finish()
         except OSError as error:
-            self._file.close()
+            self._abandon()
             if not self._continue_elsewhere(str(error.strerror)):
                 raise self._failure(error) from error
-            self._sync_thread.stop()
+            self._sync_thread.finish()
         finally:
-            self._file.close()
+            self._abandon()
 
     def drop(self) -> None:
         """Close and remove the file. An old file that it was to replace is unchanged."""
@@ -237,12 +237,19 @@ class LogFile:
 
     def _give_up(self) -> None:
         try:
-            self._sync_thread.stop()
-            self._file.truncate(self._written)
+            if self._sync_thread.stop(SYNCED_WITHIN):
+                self._file.truncate(self._written)
         except OSError:
             pass  # the reader finds the end of the last whole piece
         finally:
+            self._abandon()
+
+    def _abandon(self) -> None:
+        """Close the file; if its disk does not answer, in another thread, because that may not end either."""
+        if self._sync_thread.stop(0):
             self._file.close()
+        else:
+            threading.Thread(target=self._file.close, name=f"close {self._actual}", daemon=True).start()
 
 
 def _write_all(file: FileIO, data: bytes | bytearray) -> None:
@@ -275,21 +282,32 @@ class _SyncThread:
         self._wanted = readings
         self._wake.set()
 
-    def stop(self) -> None:
-        """End the thread. Then the file may be closed."""
+    def finish(self) -> None:
+        """Sync the file a last time and end the thread. Raises OSError, also if the disk does not answer."""
+        if not self.stop(SYNCED_WITHIN):
+            raise OSError(errno.ETIMEDOUT, f"its disk has not answered for {SYNCED_WITHIN:g} s")
+        if self.failure:
+            raise self.failure
+
+    def stop(self, within: float) -> bool:
+        """End the thread after a last sync. Return whether it ends, and the file may be closed, in `within` s."""
         self._stopping = True
         self._wake.set()
-        self._thread.join()
+        self._thread.join(within)
+        return not self._thread.is_alive()
 
     def _run(self) -> None:
-        while not self._stopping and not self.failure:
+        stopping = False
+        while not stopping and not self.failure:
             self._wake.wait()
             self._wake.clear()
-            wanted = self._wanted
+            stopping, wanted = self._stopping, self._wanted
             try:
                 _sync(self._file)
             except OSError as error:
                 self.failure = error
+            except ValueError:  # the file was closed, because its disk did not answer
+                return
             else:
                 self.kept = wanted
 

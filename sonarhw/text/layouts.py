@@ -177,11 +177,11 @@ _MOST_SLOW = 3  # lines one after another
 _MATCH = """
 import faulthandler, json, os, re, sys
 nowhere = open(os.devnull, "w")
-text, within = json.loads(sys.stdin.readline())
-pattern = re.compile(text, re.ASCII)
+text, flags, method, within = json.loads(sys.stdin.readline())
+matched = getattr(re.compile(text, flags), method)
 for line in sys.stdin:
     faulthandler.dump_traceback_later(within, exit=True, file=nowhere)
-    match = pattern.fullmatch(json.loads(line))
+    match = matched(json.loads(line))
     faulthandler.cancel_dump_traceback_later()
     print(json.dumps(match and match.groupdict()), flush=True)
 """
@@ -193,8 +193,9 @@ class MatchingProcess:
     A match cannot be interrupted, and no other thread of its process runs meanwhile.
     """
 
-    def __init__(self, pattern: str) -> None:
-        self._pattern = pattern
+    def __init__(self, pattern: str, flags: int = re.ASCII, method: str = "fullmatch") -> None:
+        """`method` of `re.Pattern`: fullmatch, match or search."""
+        self._pattern, self._flags, self._method = pattern, int(flags), method
         self._slow = 0  # newest lines, one after another, whose match took too long
         self._process: subprocess.Popen[str] | None = None
 
@@ -231,7 +232,8 @@ class MatchingProcess:
         """Return the answer to a line as JSON; empty if the process has ended."""
         if self._process is None:
             self._process = _started_matching()
-            print(json.dumps((self._pattern, _MATCHED_WITHIN)), file=self._process.stdin, flush=True)
+            start = json.dumps((self._pattern, self._flags, self._method, _MATCHED_WITHIN))
+            print(start, file=self._process.stdin, flush=True)
         assert self._process.stdout is not None
         print(json.dumps(line), file=self._process.stdin, flush=True)
         return self._process.stdout.readline()

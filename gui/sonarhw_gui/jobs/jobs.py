@@ -4,6 +4,7 @@ The jobs of one lane share a thread and run one after another. A new job replace
 """
 
 import threading
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -13,6 +14,8 @@ from PySide6.QtCore import QObject, Qt, Signal, Slot
 from sonarhw.errors import Cancelled, SonarError
 
 _MOST_WAITING = 64  # jobs of a lane; another one is refused
+CLOSED_WITHIN = 1.5  # s for what was cancelled; a call of a library may not end
+_SAVED_WITHIN = 60.0  # s for jobs that are done at the end too; a disk may not answer
 
 
 @dataclass(eq=False)
@@ -66,6 +69,7 @@ class _Lane:
         self._changed = threading.Condition()
         self._waiting: dict[str, BackgroundJob] = {}
         self._closing = False
+        self._to_be_done = False  # whether the running job is to be done at the end too
         self._done = done
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
@@ -93,9 +97,15 @@ class _Lane:
             self._waiting = {key: job for key, job in self._waiting.items() if job.at_close}
             self._changed.notify()
 
-    def join(self) -> None:
-        """Wait for the end of the thread, after its current job."""
-        self._thread.join()
+    def join(self, until: float) -> None:
+        """Wait for the end of the thread, after its current job, until a monotonic time; longer for files to save."""
+        while self._thread.is_alive() and (left := until - time.monotonic() + self._more_time) > 0:
+            self._thread.join(min(left, CLOSED_WITHIN))
+
+    @property
+    def _more_time(self) -> float:
+        with self._changed:
+            return _SAVED_WITHIN if self._to_be_done or self._waiting else 0.0
 
     def _run(self) -> None:
         while self._run_next():
@@ -114,9 +124,12 @@ class _Lane:
         with self._changed:
             while not self._waiting and not self._closing:
                 self._changed.wait()
+            self._to_be_done = False
             if not self._waiting:
                 return None
-            return self._waiting.pop(next(iter(self._waiting)))
+            job = self._waiting.pop(next(iter(self._waiting)))
+            self._to_be_done = job.at_close
+            return job
 
 
 class Jobs(QObject):
@@ -182,8 +195,12 @@ class Jobs(QObject):
             if job.watch is not None and not job.cancelled:
                 job.watch(job)
 
-    def close(self) -> None:
-        """Cancel all jobs, do those that are to be done in any case, and end the threads."""
+    def close(self, until: float | None = None) -> None:
+        """Cancel all jobs, do those that are to be done in any case, and end the threads.
+
+        A job that has not ended at a monotonic time, by default CLOSED_WITHIN from now, ends with the program.
+        """
+        until = time.monotonic() + CLOSED_WITHIN if until is None else until
         self.closed = True
         for job in self._pending:
             job.cancelled = not job.at_close
@@ -191,7 +208,7 @@ class Jobs(QObject):
         for lane in self._lanes.values():
             lane.begin_to_close()
         for lane in self._lanes.values():
-            lane.join()
+            lane.join(until)
         self._lanes.clear()
 
     def _drop(self, key: str) -> None:

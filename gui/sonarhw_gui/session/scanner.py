@@ -331,9 +331,9 @@ class ScannerThread:
         self.leaving = True
         self._jobs.put(None)
 
-    def join(self) -> None:
-        """Wait until the board has stopped, the log is closed and the port is free."""
-        self._thread.join()
+    def join(self, within: float | None = None) -> None:
+        """Wait until the board has stopped, the log is closed and the port is free, at most `within` s."""
+        self._thread.join(within)
 
     # the progress of a job, and the interface `ScanWatcher`
 
@@ -557,11 +557,11 @@ class Live:
             self._thread.stop()
             self._thread.disconnect()
 
-    def close(self) -> None:
-        """Disconnect, and wait until the board has stopped and the log is closed."""
+    def close(self, within: float | None = None) -> None:
+        """Disconnect, and wait until the board has stopped and the log is closed, at most `within` s."""
         self.disconnect()
         if self._thread is not None:
-            self._thread.join()
+            self._thread.join(within)
 
     def newly_connected(self) -> bool:
         """Return whether a connection was made since the last call."""

@@ -20,7 +20,7 @@ from sonarhw.errors import InputError, SonarError
 from sonarhw.log import Log
 from sonarhw.readings import Origin, Reading
 from sonarhw_gui.jobs import files
-from sonarhw_gui.jobs.jobs import Jobs
+from sonarhw_gui.jobs.jobs import CLOSED_WITHIN, Jobs
 from sonarhw_gui.jobs.searches import RoomSearch, Search, find_pose, search_causes
 from sonarhw_gui.model.edits import with_board
 from sonarhw_gui.model.look import Look
@@ -421,8 +421,9 @@ class WindowSession(QObject):
         self._begun = True  # a window that is closed before its first paint begins nothing
         self._timer.stop()
         self.kept.rooms.write()
-        self.live.close()
-        self.jobs.close()
+        until = time.monotonic() + CLOSED_WITHIN  # a driver, a plug-in or a search may not end
+        self.live.close(CLOSED_WITHIN)
+        self.jobs.close(until)
         watch_compilation(Watcher())
 
     # updates

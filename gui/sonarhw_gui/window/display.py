@@ -49,7 +49,7 @@ def _answers(display: str) -> bool:
     if matched is None:
         return True
     host, number = matched[1], int(matched[2])
-    if host:
+    if host or sys.platform == "win32":
         return _connects(socket.AF_INET, (host, 6000 + number))
     path = f"/tmp/.X11-unix/X{number}"
     return (Path(path).exists() and _connects(socket.AF_UNIX, path)) or _connects(socket.AF_UNIX, f"\0{path}")

@@ -22,6 +22,7 @@ from sonarhw.device.fake_board import FakeBoard
 from sonarhw.device.served import Pace, serve
 from sonarhw.host.scanner import Scanner
 from sonarhw.readings import ScanOrder
+from tests.hang_guard import HANG
 from tests.system.gui.driving import activate
 
 OpenFake = Callable[[Pace], ScannerOpener]
@@ -78,6 +79,8 @@ def open_with(qtbot: QtBot, scene: Scene, tmp_path: Path) -> Iterator[OpenWith]:
         window.close()
         window.deleteLater()
     QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete)
+    for thread in working_threads().keys() - before:
+        thread.join(HANG)  # on a busy machine, a window does not wait for all of them
     assert not {thread.name: module for thread, module in working_threads().items() if thread not in before}
 
 

@@ -1,6 +1,7 @@
 """Background jobs: the newest waiting one runs, results and errors reach the GUI thread, closing ends the threads."""
 
 import threading
+import time
 from collections.abc import Callable, Iterator
 from weakref import ref
 
@@ -137,6 +138,17 @@ def test_a_full_lane_refuses_further_jobs(qtbot: QtBot, jobs: Jobs) -> None:
     held.gate.set()
     until(qtbot, lambda: not jobs.busy("files"))
     assert results == list(range(64))
+
+
+def test_a_job_that_never_ends_does_not_hold_the_window_and_a_file_is_saved(qtbot: QtBot, jobs: Jobs) -> None:
+    held, slow, saved = Held(), Held(), []
+    jobs.run("search", held)
+    jobs.run("save", lambda: saved.append(slow()), at_close=True)
+    assert held.begun.wait(HANG)
+    threading.Timer(0.3, slow.gate.set).start()
+    jobs.close(until=time.monotonic() + 0.1)
+    assert saved == ["held"]
+    held.gate.set()
 
 
 def test_closing_does_what_must_be_done_drops_the_rest_and_ends_the_threads(qtbot: QtBot, jobs: Jobs) -> None:

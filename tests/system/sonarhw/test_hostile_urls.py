@@ -1,6 +1,9 @@
 """URLs that no scanner can have: one clear error, before anything is opened."""
 
+import os
+
 import pytest
+from serial.tools.list_ports_common import ListPortInfo
 
 from sonarhw.device.served import TcpServerPort, host_and_port
 from sonarhw.errors import InputError, LinkError, SonarError
@@ -32,6 +35,34 @@ def test_what_pyserial_cannot_open_gives_a_link_error_of_one_line(url: str) -> N
     with pytest.raises(LinkError) as raised:
         Link(url)
     assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("url", "error", "message"),
+    [
+        ("hwgrep://(a+)+x", InputError, "takes more than a second; write it without a repetition"),
+        ("hwgrep://sonar-[a-c]", LinkError, "no port matches this pattern"),
+    ],
+)
+def test_a_pattern_of_port_names_is_matched_within_a_limit(
+    url: str, error: type[SonarError], message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sonarhw.link.comports", lambda: [ListPortInfo("/dev/" + 40 * "a")])
+    with pytest.raises(error, match=message):
+        Link(url)
+
+
+@pytest.mark.parametrize("options", ["", "&skip_busy"])
+def test_a_pattern_opens_the_port_whose_name_it_matches(options: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("termios")
+    master, slave = os.openpty()
+    monkeypatch.setattr("serial.tools.list_ports.comports", lambda _: [ListPortInfo(os.ttyname(slave))])
+    monkeypatch.setattr("sonarhw.link.comports", lambda: [ListPortInfo(os.ttyname(slave))])
+    with Link(f"hwgrep://PTS/[0-9]+{options}") as link:
+        os.write(master, b"reading")
+        assert link.read() == b"reading"
+    os.close(master)
+    os.close(slave)
 
 
 @pytest.mark.parametrize("address", ["x:٣", f"x:{5000 * '9'}", "x:99999", "x:-1", "127.0.0.1", ""])

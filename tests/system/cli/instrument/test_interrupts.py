@@ -183,8 +183,19 @@ def test_an_exception_without_ctrl_c_gives_a_traceback(tmp_path: Path, environme
 
 # a plug-in that blocks in the call that its URL names, whatever is raised in it
 BLOCKING = """
-import math, threading, time
+import math, sys, threading, time
 from sonarhw import DeviceIdentity, DevicePlugin, Measurement
+
+def block():
+    while True:
+        try:
+            threading.Event().wait()
+        except BaseException:
+            pass
+
+if "blocking:import" in sys.argv:
+    print("begun", flush=True)
+    block()
 
 class Blocking(DevicePlugin):
     calls = 0
@@ -192,11 +203,7 @@ class Blocking(DevicePlugin):
     def block(self, place):
         if self.url == f"blocking:{place}":
             print("begun", flush=True)
-            while True:
-                try:
-                    threading.Event().wait()
-                except BaseException:
-                    pass
+            block()
 
     def __init__(self, url):
         super().__init__(url)
@@ -233,6 +240,11 @@ class Blocking(DevicePlugin):
     def close(self):
         pass
 """
+CALLED = {
+    "scan": "import init identity open begin read end ignored",
+    "gui": "import init identity",  # it scans on request only
+    "serve": "import open begin read",
+}
 POINTS = "[sonarhw.devices]\nblocking = blocking:Blocking\n"
 
 
@@ -248,17 +260,34 @@ def with_plugin(tmp_path: Path, environment: dict[str, str]) -> dict[str, str]:
     return {**environment, "PYTHONPATH": os.pathsep.join((str(packages), environment["PYTHONPATH"]))}
 
 
-@pytest.mark.parametrize("call", ["init", "open", "begin", "read", "end", "ignored"])
-def test_ctrl_c_ends_a_command_whose_plugin_blocks(call: str, tmp_path: Path, with_plugin: dict[str, str]) -> None:
+@pytest.mark.parametrize(
+    ("command", "call"), [(name, call) for name, calls in CALLED.items() for call in calls.split()]
+)
+def test_ctrl_c_ends_a_command_whose_plugin_blocks(
+    command: str, call: str, tmp_path: Path, with_plugin: dict[str, str]
+) -> None:
     code = HANDLED + "from sonarhw_cli.entry import main; main()"
-    command = ("scan", f"blocking:{call}", "--out", "scan.mcap", "--sweeps", "1000" if call == "read" else "2")
-    with begun(code, *command, folder=tmp_path, environment=with_plugin) as process:
+    options = {
+        "scan": ["--out", "scan.mcap", "--sweeps", "1000" if call == "read" else "2"],
+        "serve": ["--foxglove", "--tcp", "127.0.0.1:0"],
+    }
+    environment = {**with_plugin, "QT_QPA_PLATFORM": "offscreen", "XDG_DATA_HOME": str(tmp_path)}
+    with begun(
+        code, command, f"blocking:{call}", *options.get(command, []), folder=tmp_path, environment=environment
+    ) as process:
         process.send_signal(signal.SIGINT)
         _, errors = process.communicate(timeout=HANG)
     assert (process.returncode, "Traceback" in errors) == (INTERRUPTED, False)
-    if call == "read":
+    if (command, call) == ("scan", "read"):
         assert len(read_log(tmp_path / "scan.mcap").readings) > 100
         assert "kept in scan.mcap" in errors
+
+
+def test_a_thread_of_a_library_does_not_hold_the_end_of_a_command(tmp_path: Path, environment: dict[str, str]) -> None:
+    never = "import threading; print('begun', flush=True); threading.Thread(target=threading.Event().wait).start()"
+    with begun(ANY, never, folder=tmp_path, environment=environment) as process:
+        assert process.communicate(timeout=HANG) == ("", "")
+    assert process.returncode == 0
 
 
 def test_a_command_ends_within_two_seconds_of_ctrl_c() -> None:

@@ -17,6 +17,7 @@ from sonarhw_sim.predict.room_echoes import RoomEchoes
 
 from sonarhw.device.fake_board import FakeBoard
 from sonarhw.device.served import Endpoint, open_server_port, serve
+from sonarhw.errors import LinkError
 from sonarhw.host.scanner import Scanner
 from sonarhw.log import read_log
 from tests.fixtures.faulty_boards import faulty
@@ -254,6 +255,20 @@ def test_without_a_room_the_measured_points_are_shown(
     assert not window.session.shown.classes
     assert "open a room file" in window.sentence.text()
     assert window.session.status.replay is None
+
+
+def test_a_scanner_that_never_answers_does_not_hold_the_closing_window(qtbot: QtBot, open_with: OpenWith) -> None:
+    opening, answered = threading.Event(), threading.Event()
+
+    def open_it() -> Scanner:
+        opening.set()
+        answered.wait()
+        raise LinkError("late")
+
+    window = open_with(source=open_it, autostart=True)
+    until(qtbot, opening.is_set)
+    assert window.close()
+    answered.set()
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 import errno
 import os
 import queue
+import threading
 from functools import partial
 from io import FileIO
 from pathlib import Path
@@ -190,6 +191,18 @@ def test_a_log_that_can_no_longer_be_written_is_continued_in_another_folder(
 
 
 # logs that are written as a whole
+
+
+def test_a_disk_that_never_answers_does_not_hold_the_end_of_a_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answers = threading.Event()
+    monkeypatch.setattr(os, "fsync", lambda _: answers.wait(HANG))
+    monkeypatch.setattr("sonarhw.log.writer.SYNCED_WITHIN", 0.1)
+    log = LogWriter(tmp_path / "scan.mcap", METADATA)
+    with pytest.raises(LogError, match=r"its disk has not answered for 0\.1 s; nothing is recorded"):
+        log.close()
+    answers.set()
 
 
 @pytest.mark.parametrize("writer", ["write_scan", "copy_log"])
