@@ -106,7 +106,7 @@ def licences(packages: Iterable[Package]) -> dict[str, str]:
         if package["name"] not in versions or Marker(package["marker"]).evaluate():
             versions[package["name"]] = package["version"]
     pip = [sys.executable, "-m", "pip", "install", "--quiet", "--dry-run", "--no-deps", "--ignore-installed"]
-    with tempfile.NamedTemporaryFile("w", suffix=".txt") as wanted:
+    with tempfile.NamedTemporaryFile("w", encoding="utf-8", suffix=".txt") as wanted:
         wanted.writelines(f"{name}=={version}\n" for name, version in versions.items())
         wanted.flush()
         report = subprocess.run(

@@ -105,7 +105,7 @@ def memory() -> float:
     """Return the current memory of this process, MB."""
     assert sys.platform != "win32"  # which has no /proc
     gc.collect()
-    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    pages = int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 

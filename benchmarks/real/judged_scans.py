@@ -112,7 +112,7 @@ def _check_layout(folder: Path) -> None:
     if not listing.is_file():
         what = "no such file" if folder.is_dir() else f"no such folder: {folder}"
         raise SystemExit(f"{listing}: {what}; --help describes the layout of the folder")
-    with open(listing, newline="") as lines:
+    with open(listing, encoding="utf-8", newline="") as lines:
         table = csv.DictReader(lines)
         missing = sorted(_COLUMNS.difference(table.fieldnames or ()))
         if missing:
@@ -126,7 +126,7 @@ def load_scans(folder: Path) -> list[RealScan]:
     """Return the scans of a folder, converted with `sonarhw import`. Ends the program if the layout is another."""
     _check_layout(folder)
     scans = []
-    with open(folder / "scans.csv", newline="") as listing, tempfile.TemporaryDirectory() as scratch:
+    with open(folder / "scans.csv", encoding="utf-8", newline="") as listing, tempfile.TemporaryDirectory() as scratch:
         for row in csv.DictReader(listing):
             log = Path(scratch) / f"{row['scan']}.mcap"
             source = str(folder / f"{row['scan']}.csv")

@@ -57,7 +57,7 @@ class Cell(NamedTuple):
 def load_cells(file: Path) -> list[Cell]:
     """Return the cells of the file, in its order."""
     ranges: dict[tuple[float, float], list[float]] = defaultdict(list)
-    with open(file, newline="") as lines:
+    with open(file, encoding="utf-8", newline="") as lines:
         for row in csv.DictReader(lines):
             key = float(row["axis_distance_m"]), float(row["off_normal_deg"])
             ranges[key].append(float(row["range_m"] or "nan"))

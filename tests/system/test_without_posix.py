@@ -55,8 +55,9 @@ for name in ("rename", "replace", "unlink", "remove"):
 warnings.filterwarnings("error", category=EncodingWarning, module="sonarhw")
 '''
 
-PROGRAM = '''
+PROGRAM = """
 import atexit, importlib, pkgutil, subprocess, sys
+from dataclasses import replace
 from pathlib import Path
 from PySide6.QtCore import QTimer
 import sonarhw, sonarhw_cli, sonarhw_compare, sonarhw_gui, sonarhw_sim
@@ -94,17 +95,17 @@ command("scan", url, "--out", f"{folder}/scan 1.mcap", "--room", "simple", "--pl
 replayed = served("replay", f"{folder}/scan 1.mcap", "--tcp", "127.0.0.1:0", "--speed", "inf")
 command("scan", replayed, "--out", "C:\\\\scan 2.mcap")
 command("compare", "C:\\\\scan 2.mcap", "--room", "simple", "--place", "figure9")
-times = [[reading.echo_times for reading in read_log(path).readings] for path in (folder / "scan 1.mcap", "C:\\\\scan 2.mcap")]
+logs = (folder / "scan 1.mcap", "C:\\\\scan 2.mcap")
+times = [[reading.echo_times for reading in read_log(path).readings] for path in logs]
 assert times[0] == times[1] and len(times[0]) == 72
 command("study", "study.toml", "--workers", "2", "--out", f"{folder}/study")
 
 # the window scans, and its log has a name that Windows accepts
 def close_at_the_end(window):
-    timer = QTimer(window, interval=50)
-    timer.timeout.connect(lambda: window.session.status.job.recording and not window.session.live.running and window.close())
+    session, timer = window.session, QTimer(window, interval=50)
+    timer.timeout.connect(lambda: session.status.job.recording and not session.live.running and window.close())
     timer.start()
 
-from dataclasses import replace
 room = load_room("simple")
 room = replace(room, name='a<b>:"c/d|e?*')
 scene = scene_with(load_board("paper"), room, room.places["figure9"], "simple.toml")
@@ -115,7 +116,7 @@ assert run_window(start) == 0
 assert not set(recording.name) & set('<>:"/\\\\|?*'), recording
 assert len(read_log(recording).readings) == 12
 print("complete")
-'''
+"""
 STUDY = """
 name = "test"
 seed = 5
@@ -135,8 +136,7 @@ def test_all_but_serial_ports_works_without_what_windows_lacks(tmp_path: Path) -
     (tmp_path / "sitecustomize.py").write_text(HIDING, encoding="utf-8")
     (tmp_path / "study.toml").write_text(STUDY.format(CHECKOUT / "rooms" / "simple.toml"), encoding="utf-8")
     path = os.pathsep.join([str(tmp_path), str(CHECKOUT), os.environ.get("PYTHONPATH", "")])
-    environment = {**os.environ, "PYTHONPATH": path, "XDG_DATA_HOME": str(tmp_path / "data"), "QT_QPA_PLATFORM": "offscreen"}
-    done = subprocess.run(
-        [sys.executable, "-X", "warn_default_encoding", "-c", PROGRAM], cwd=tmp_path, env=environment, capture_output=True, text=True
-    )
+    environment = {**os.environ, "PYTHONPATH": path, "XDG_DATA_HOME": str(tmp_path), "QT_QPA_PLATFORM": "offscreen"}
+    command = [sys.executable, "-X", "warn_default_encoding", "-c", PROGRAM]
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
     assert done.stdout.endswith("complete\n"), done.stdout + done.stderr
