@@ -8,12 +8,14 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-pytest_plugins = ["tests.fixtures.window_scene"]
+pytest_plugins = ["tests.fixtures.leaks", "tests.fixtures.window_scene"]
 
 Count = Callable[[int, int], int]
 # These tests repeat what others cover, and Python code runs at half of its speed while coverage is measured.
 NOT_MEASURED = (
-    "contract",
+    "contract/test_lines.py",
+    "contract/test_scanner.py",
+    "contract/test_text_devices.py",
     "soak",
     "system/cli/comparison/test_calibrate_command.py",
     "system/cli/prediction/test_figures_command.py",

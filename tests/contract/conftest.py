@@ -16,38 +16,83 @@ from sonarhw.errors import SonarError
 from sonarhw.host.scanner import Scanner
 from sonarhw.link import Link
 from sonarhw.plugins.device_plugin import is_plugin
-from tests.contract.scanners import LONG, ONE_LINE, SCANNERS
-from tests.contract.talk import Talk
+from tests.contract.scanners import DIRECT, LONG, ONE_LINE, SCANNERS
+from tests.contract.talk import DirectLine, Talk
 from tests.fixtures.text_devices.printing_device import SKETCHES, PrintingDevice
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Run each test once per scanner; tests with the mark `one_line` over one kind of line, unless --soak is given."""
-    if "url" in metafunc.fixturenames:
-        soak = metafunc.config.getoption("--soak")
-        usual = ONE_LINE if metafunc.definition.get_closest_marker("one_line") else [*(SCANNERS.keys() - set(LONG))]
-        names = ["--url"] if metafunc.config.getoption("--url") else sorted(SCANNERS if soak else usual)
-        metafunc.parametrize("url", names, indirect=True, scope="module")
+    """Run each test once per scanner; with the mark `one_line`, over one kind of line, unless --soak is given.
+
+    The devices without a port have the tests of single messages, and alone those with the mark `direct`.
+    """
+    if "line" in metafunc.fixturenames:
+        metafunc.parametrize("line", _scanners_of(metafunc), indirect=True, scope="module")
+
+
+def _scanners_of(metafunc: pytest.Metafunc) -> list[str]:
+    direct = [] if "free_url" in metafunc.fixturenames else [*DIRECT]
+    if metafunc.config.getoption("--url"):
+        return ["--url"]
+    if metafunc.config.getoption("--soak"):
+        return sorted([*SCANNERS, *direct])
+    if metafunc.definition.get_closest_marker("direct"):
+        return direct
+    if metafunc.definition.get_closest_marker("one_line"):
+        return [*direct, ONE_LINE]
+    return sorted(SCANNERS.keys() - set(LONG))
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """With `--url`, select only the tests that use the scanner."""
     if given := config.getoption("--url"):
-        wanted = "plugin_url" if is_plugin(given) else "url"
+        wanted = "plugin_url" if is_plugin(given) else "line"
         chosen = [item for item in items if isinstance(item, pytest.Function) and wanted in item.fixturenames]
         config.hook.pytest_deselected(items=[item for item in items if item not in chosen])
         items[:] = chosen
 
 
+class OpenLine:
+    """A line to the scanner, which many tests share, because opening is slow on some lines."""
+
+    def __init__(self, url: str = "", direct: DirectLine | None = None) -> None:
+        self.url = url
+        self._direct, self._link = direct, None if direct else Link(url)
+
+    def talk(self) -> Talk:
+        """Return a new conversation."""
+        if self._direct:
+            return Talk(self._direct, self._direct.clock)
+        self._link = self._link or Link(self.url)
+        return Talk(self._link)
+
+    @property
+    def baud(self) -> int:
+        """The baud rate of a device without a port."""
+        assert self._direct
+        return self._direct.baud()
+
+    def close(self) -> None:
+        """Close the line, so that another client can open it."""
+        if self._link is not None:
+            self._link.close()
+            self._link = None
+
+
 @pytest.fixture(scope="module")
-def url(request: pytest.FixtureRequest) -> Iterator[str]:
-    """Return the URL of the scanner. If no scanner answers at `--url`, end all tests."""
-    if request.param == "--url":
-        with ExitStack() as exit_stack:
-            yield _answering(request.config.getoption("--url"), exit_stack)
-    else:
-        with SCANNERS[request.param]() as served:
-            yield served
+def line(request: pytest.FixtureRequest) -> Iterator[OpenLine]:
+    """Provide the line to the scanner. If no scanner answers at `--url`, end all tests."""
+    with ExitStack() as exit_stack:
+        if request.param in DIRECT:
+            yield OpenLine(direct=exit_stack.enter_context(DIRECT[request.param]()))
+            return
+        if request.param == "--url":
+            url = _answering(request.config.getoption("--url"), exit_stack)
+        else:
+            url = exit_stack.enter_context(SCANNERS[request.param]())
+        shared = OpenLine(url)
+        yield shared
+        shared.close()
 
 
 def _answering(given: str, exit_stack: ExitStack) -> str:
@@ -76,45 +121,18 @@ def plugin_url(request: pytest.FixtureRequest) -> Iterator[str]:
             yield f"lines:{device.port}?{sketch.query}"
 
 
-class OpenLink:
-    """One link shared by many tests, because opening is slow on some lines."""
-
-    def __init__(self, url: str) -> None:
-        self.url = url
-        self._link: Link | None = None
-
-    def link(self) -> Link:
-        """Return the link; open it if necessary."""
-        if self._link is None:
-            self._link = Link(self.url)
-        return self._link
-
-    def close(self) -> None:
-        """Close the link, so that another client can open the line."""
-        if self._link is not None:
-            self._link.close()
-            self._link = None
-
-
-@pytest.fixture(scope="module")
-def open_link(url: str) -> Iterator[OpenLink]:
-    """Provide the shared link."""
-    shared = OpenLink(url)
-    yield shared
-    shared.close()
-
-
 @pytest.fixture
-def talk(open_link: OpenLink) -> Iterator[Talk]:
+def talk(line: OpenLine) -> Iterator[Talk]:
     """Provide a conversation with the scanner, already greeted."""
-    talk = Talk(open_link.link())
+    talk = line.talk()
     talk.greet()
     yield talk
+    talk.greet()  # some tests let the conversation end
     talk.stop()
 
 
 @pytest.fixture
-def free_url(open_link: OpenLink) -> str:
+def free_url(line: OpenLine) -> str:
     """Return the URL of the scanner, with no client connected."""
-    open_link.close()
-    return open_link.url
+    line.close()
+    return line.url

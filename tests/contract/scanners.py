@@ -1,4 +1,4 @@
-"""The scanners under test, over each kind of line. Each is a context manager that yields a URL.
+"""The scanners under test: over each kind of line, and without one. Each is a context manager.
 
 To test another scanner, add it to SCANNERS.
 """
@@ -13,10 +13,12 @@ from tempfile import TemporaryDirectory
 from sonarhw_compare.scanner_url import resolve
 
 from sonarhw.device.emulated_board import emulated_board
-from sonarhw.device.fake_board import FakeBoard
+from sonarhw.device.fake_board import BoardIdentity, FakeBoard
 from sonarhw.device.served import serve
 from tests.checkout import CHECKOUT
+from tests.contract.talk import DirectLine
 from tests.fixtures.plain_echoes import PlainEchoes
+from tests.fixtures.portable_board import PortableBoard, PortableDevice
 from tests.free_port import free_port
 from tests.hang_guard import HANG, wait_until
 
@@ -95,6 +97,25 @@ def emulated_pi() -> Iterator[str]:
         yield url
 
 
+@contextmanager
+def fake() -> Iterator[DirectLine]:
+    """Provide a fake board without a port."""
+    board = FakeBoard(PlainEchoes(), seed=5, identity=BoardIdentity(bauds=(250_000, 1_000_000)))
+    yield DirectLine(board, lambda: board.line.baud)
+
+
+@contextmanager
+def portable() -> Iterator[DirectLine]:
+    """Build the portable part of the firmware for this machine, and provide it on its test board."""
+    _make("host")
+    board = PortableBoard(FIRMWARE / "build" / "libsonar.so")
+    yield DirectLine(PortableDevice(board), board.c.host_baud)
+
+
+DIRECT: dict[str, Callable[[], AbstractContextManager[DirectLine]]] = {
+    "fake without a port": fake,
+    "portable firmware without a port": portable,
+}
 SCANNERS: dict[str, Scanner] = {
     "fake in this process": in_this_process,
     "fake on a pseudo-terminal": on_a_pseudo_terminal,
@@ -105,14 +126,18 @@ SCANNERS: dict[str, Scanner] = {
     "firmware on an emulated Raspberry Pi": emulated_pi,
 }
 LONG = ("firmware on an emulated Uno",)  # only with --soak
-ONE_LINE = ("fake in this process", "firmware on the emulated board")  # each kind of device once
+ONE_LINE = "firmware on the emulated board"  # with tests of single messages, beside the devices without a port
 
 
 @contextmanager
 def _emulated(chip: str) -> Iterator[str]:
-    subprocess.run(["make", "-C", FIRMWARE, f"CHIP={chip}", "all", "emulator"], check=True, stdout=subprocess.DEVNULL)
+    _make(f"CHIP={chip}", "all", "emulator")
     with emulated_board(PlainEchoes(), pace=2.0, combination=f"{chip}-polaroid-step-dir") as board:
         yield board.url
+
+
+def _make(*targets: str) -> None:
+    subprocess.run(["make", "-C", FIRMWARE, *targets], check=True, stdout=subprocess.DEVNULL)
 
 
 def _board() -> FakeBoard:

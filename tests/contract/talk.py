@@ -4,9 +4,8 @@ import random
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
-from sonarhw.link import Link
 from sonarhw.wire.frames import DELIMITER, Frame, FrameDecoder, Rejected, encode_frame
 from sonarhw.wire.limits import PROTOCOL_MAJOR, PROTOCOL_MINOR
 from sonarhw.wire.messages import (
@@ -17,6 +16,7 @@ from sonarhw.wire.messages import (
     Capabilities,
     Configure,
     Finished,
+    Heartbeat,
     Hello,
     Home,
     Info,
@@ -25,13 +25,61 @@ from sonarhw.wire.messages import (
     Refused,
     Settings,
     Stop,
+    Turn,
+    Zero,
     unpack_message,
 )
 from tests.hang_guard import HANG
 
 HELLO_PERIOD = 0.5  # s
 KEEPALIVE_PERIOD = 0.5  # s
+STEP = 0.02  # s, at most, between two looks at a device without a port
 M = TypeVar("M", bound=Message)
+
+
+class ByteLine(Protocol):
+    """A line to a scanner, such as a `Link`."""
+
+    def read(self) -> bytes:
+        """Wait a moment for bytes, and return those that have arrived."""
+
+    def write(self, data: bytes) -> None:
+        """Send bytes."""
+
+
+class Device(Protocol):
+    """What a `DirectLine` needs of a `sonarhw.device.protocol.Device`."""
+
+    def receive(self, data: bytes, now: float) -> None:
+        """Process bytes from the host."""
+
+    def next_event(self) -> float | None:
+        """Return the time when `advance` is next needed, s."""
+
+    def advance(self, now: float) -> bytes:
+        """Do the work due by `now`, and return the bytes sent since the last call."""
+
+
+class DirectLine:
+    """A line to a device without a port. Its clock advances while the host reads."""
+
+    def __init__(self, device: Device, baud: Callable[[], int] = lambda: 0) -> None:
+        """`baud` returns the baud rate of the device."""
+        self.device, self.baud, self.now = device, baud, 0.0
+
+    def clock(self) -> float:
+        """Return the time, s."""
+        return self.now
+
+    def write(self, data: bytes) -> None:
+        """Pass bytes to the device."""
+        self.device.receive(data, self.now)
+
+    def read(self) -> bytes:
+        """Advance the clock to the next event of the device, and return what it sends."""
+        event = self.device.next_event()
+        self.now = self.now + STEP if event is None else max(self.now, min(event, self.now + STEP))
+        return self.device.advance(self.now)
 
 
 @dataclass(frozen=True)
@@ -45,12 +93,13 @@ class ReceivedFrame:
 class Talk:
     """A conversation that keeps everything it receives."""
 
-    def __init__(self, link: Link) -> None:
+    def __init__(self, line: ByteLine, clock: Callable[[], float] = time.monotonic) -> None:
+        self.clock = clock
         self.received: list[ReceivedFrame] = []
         self.rejected: list[Rejected] = []
-        self._link = link
+        self._line = line
         self._decoder = FrameDecoder()
-        self._sequence = random.randrange(0x10000)
+        self._sequence = random.randrange(0x10000)  # the device may remember the last command of an earlier client
         self._kept_alive = 0.0
 
     # sending
@@ -72,7 +121,7 @@ class Talk:
 
     def write(self, data: bytes) -> None:
         """Send bytes unchanged."""
-        self._link.write(data)
+        self._line.write(data)
 
     # receiving
 
@@ -81,18 +130,18 @@ class Talk:
 
         Sends keepalive messages meanwhile if `alive`. Their answers are among the messages.
         """
-        deadline = time.monotonic() + HANG
+        deadline = self.clock() + HANG
         while not wanted(messages := self.messages(since)):
-            assert time.monotonic() < deadline, f"only {messages[-5:]} received within {HANG:g} s"
-            if alive and time.monotonic() > self._kept_alive + KEEPALIVE_PERIOD:
-                self._kept_alive = time.monotonic()
+            assert self.clock() < deadline, f"only {messages[-5:]} received within {HANG:g} s"
+            if alive and self.clock() > self._kept_alive + KEEPALIVE_PERIOD:
+                self._kept_alive = self.clock()
                 self.send(AskStatistics())
             self.listen()
         return messages
 
     def listen(self) -> None:
-        """Read the link once and keep the frames."""
-        for item in self._decoder.feed(self._link.read()):
+        """Read the line once and keep the frames."""
+        for item in self._decoder.feed(self._line.read()):
             if isinstance(item, Rejected):
                 self.rejected.append(item)
             else:
@@ -138,13 +187,13 @@ class Talk:
 
     def greet(self) -> Info:
         """Send Hello until an Info arrives. Forget the messages of earlier conversations."""
-        numbers, deadline = [], time.monotonic() + HANG
+        numbers, deadline = [], self.clock() + HANG
         while not any(True for number in numbers for _ in _answers(self.messages(), number)):
-            assert time.monotonic() < deadline, f"no Info within {HANG:g} s"
+            assert self.clock() < deadline, f"no Info within {HANG:g} s"
             # a board may be starting, or still use the line speed of an earlier client
             numbers += self.send(Hello(PROTOCOL_MAJOR, PROTOCOL_MINOR))
-            next_hello = time.monotonic() + HELLO_PERIOD
-            while time.monotonic() < next_hello and not any(True for _ in _answers(self.messages(), numbers[-1])):
+            next_hello = self.clock() + HELLO_PERIOD
+            while self.clock() < next_hello and not any(True for _ in _answers(self.messages(), numbers[-1])):
                 self.listen()
         # a slow device may answer an earlier Hello late, but not after it has answered this command
         self.answer(AskStatistics())
@@ -155,12 +204,29 @@ class Talk:
         self.received, self.rejected = self.received[last:], []
         return info
 
-    def home(self, listen: float = 0.02, trace: int = 0) -> Settings:
-        """Configure and home; return the active settings."""
+    def home(self, listen: float = 0.02, trace: int = 0, again: bool = False) -> Settings:
+        """Configure, and home or, if the zero is known, turn to it; return the active settings."""
         settings = self.ask(Configure(round(listen * 1e6), 2_380, trace, 343_200), Settings)
-        finished = self.act(Home())[2]
+        homed = not again and self.heartbeat().homed == Zero.MARK
+        finished = self.act(Turn(0) if homed else Home())[2]
         assert finished.outcome == 0, finished.text
         return settings
+
+    def heartbeat(self) -> Heartbeat:
+        """Return the next heartbeat."""
+        beats: list[Heartbeat] = []
+        self.until(
+            lambda new: bool(beats.extend(one for one in new if isinstance(one, Heartbeat)) or beats),
+            len(self.received),
+        )
+        return beats[0]
+
+    def quiet(self, seconds: float) -> list[Message]:
+        """Send nothing for so long, and return what is received."""
+        since, end = len(self.received), self.clock() + seconds
+        while self.clock() < end:
+            self.listen()
+        return self.messages(since)
 
     def stop(self) -> None:
         """Stop the running action."""

@@ -4,14 +4,12 @@ The kind of line makes no difference to them, so each device is tested over one 
 """
 
 import itertools
-import time
-from dataclasses import astuple, replace
+from dataclasses import astuple, fields, replace
 
 import pytest
 
-from sonarhw.link import Link
 from sonarhw.readings import ScanOrder
-from sonarhw.wire.limits import MAX_ECHOES, PROTOCOL_MAJOR
+from sonarhw.wire.limits import BAUD_TIMEOUT, HOST_SILENCE, MAX_ECHOES, PROTOCOL_MAJOR
 from sonarhw.wire.messages import (
     NO_TEMPERATURE,
     Accepted,
@@ -21,6 +19,7 @@ from sonarhw.wire.messages import (
     Feature,
     Finished,
     Heartbeat,
+    Hello,
     Home,
     Info,
     Input,
@@ -30,6 +29,7 @@ from sonarhw.wire.messages import (
     Refusal,
     Refused,
     Resend,
+    SetBaud,
     Settings,
     SetZero,
     Started,
@@ -43,7 +43,9 @@ from sonarhw.wire.messages import (
     WiringSettings,
     Zero,
 )
+from tests.contract.conftest import OpenLine
 from tests.contract.talk import Talk, readings
+from tests.fixtures.protocol_document import command_of, kind_of, rows
 
 pytestmark = pytest.mark.one_line
 DEGREE = 1_000_000  # µdeg
@@ -115,48 +117,55 @@ def test_the_listening_time_is_limited_to_the_capability(talk: Talk) -> None:
 # refusals
 
 
+def test_documented_refusals_have_the_documented_code(talk: Talk) -> None:
+    talk.home()
+    for text, code in rows("What is refused"):
+        refused = talk.ask(command_of(text), Refused)
+        assert (Refusal(refused.code).name, bool(refused.text)) == (code, True), text
+
+
 @pytest.mark.parametrize(
-    "invalid",
+    ("order", "bound"),
     [
-        Configure(0, 0, 0, 343_200),
-        Configure(2_000, 2_000, 0, 343_200),
-        Configure(20_000, 2_380, 9, 343_200),
-        Configure(20_000, 2_380, 0, 0),
-        StartScan(0, 0, 1, 1, 1),
-        StartScan(0, 1, 0, 1, 1),
-        StartScan(0, 1, 1, 0, 1),
-        StartScan(0, 1, 1, 1, 0),
-        StartScan(0, 1, 0xFFFF, 0xFFFF, 2),
-        StartScan(0, 1, 10, 1, 1, first=10),
-        StartScan(0, 1, 10, 1, 1, first=5, count=6),
-        Resend(0, 0),
-        Resend(0, 65),
-        TestLink(481, b"x"),
-        TestLink(1, b""),
-        StartScan(0, 1, 2, 1, 1, in_place=1),
-        StartScan(0, 1, 1, 1, 1, in_place=2),
-        Turn(11 * DEGREE, relative=1),
-        Turn(DEGREE, relative=2),
-        ConfigureWiring(16, 16),
-        ConfigureWiring(1, 2),
+        (StartScan(0, DEGREE, 10, 1, 1, 10, 6), "first is 10; expected 0 to 9"),
+        (StartScan(0, DEGREE, 10, 1, 1, 5, 6), "count is 6; expected 0 to 5"),
     ],
-    ids=short,
 )
-def test_invalid_requests_are_refused_with_their_error_code(talk: Talk, invalid: Message) -> None:
+def test_the_refusal_of_a_part_of_a_scan_states_the_right_bound(talk: Talk, order: StartScan, bound: str) -> None:
     talk.home()
-    refused = talk.ask(invalid, Refused)
-    assert refused.code == Refusal.OUT_OF_RANGE
-    assert refused.text
+    assert bound in talk.ask(order, Refused).text
 
 
-@pytest.mark.parametrize(
-    ("first", "count", "bound"),
-    [(10, 0, "first is 10; expected 0 to 9"), (5, 6, "count is 6; expected 0 to 5")],
-)
-def test_the_refusal_of_a_part_of_a_scan_states_the_right_bound(talk: Talk, first: int, count: int, bound: str) -> None:
+@pytest.mark.direct
+def test_before_hello_all_commands_are_refused_and_nothing_else_is_sent(talk: Talk) -> None:
     talk.home()
-    refused = talk.ask(StartScan(0, DEGREE, 10, 1, 1, first, count), Refused)
-    assert bound in refused.text
+    talk.quiet(HOST_SILENCE + 0.1)
+    for name, *_ in rows("Commands at a glance")[1:]:
+        assert talk.ask(simplest(name), Refused).code == Refusal.NO_HELLO, name
+    assert talk.quiet(2.0) == []
+
+
+def simplest(name: str) -> Message:
+    """Return a command that an idle device carries out and a busy device may refuse with BUSY."""
+    kind = kind_of(name)
+    return kind(**{item.name: b"a" if item.metadata["wire"].name == "u8[]" else 1 for item in fields(kind)})
+
+
+def test_a_busy_device_handles_each_command_as_documented(talk: Talk) -> None:
+    talk.home()
+    talk.ask(LONG, Started)
+    for name, answer, busy, _ in sorted(rows("Commands at a glance"), key=lambda row: row[2] == "stops it"):
+        since = len(talk.received)
+        answered = talk.answer(simplest(name) if name != "StartScan" else LONG)
+        if busy == "BUSY":
+            assert isinstance(answered, Refused), name
+            assert answered.code == Refusal.BUSY
+        else:
+            assert type(answered).__name__ == answer
+            ends = [one.outcome for one in talk.messages(since) if isinstance(one, Finished)]
+            assert ends == ([Outcome.STOPPED] if busy == "stops it" else [])
+            if ends:
+                talk.ask(LONG, Started)
 
 
 def test_an_angle_beyond_the_cable_is_refused_before_anything_turns(talk: Talk) -> None:
@@ -179,36 +188,16 @@ def test_unknown_messages_are_refused_and_the_next_one_is_served(talk: Talk) -> 
         assert refused.code == Refusal.UNKNOWN
 
 
-@pytest.mark.parametrize("kind", [Configure, Turn, StartScan, Resend, TestLink], ids=lambda kind: kind.__name__)
-def test_a_short_payload_is_malformed(talk: Talk, kind: type[Message]) -> None:
-    refused = talk.answer_to_frame(kind.TYPE, b"\x01")
-    assert isinstance(refused, Refused)
-    assert refused.code == Refusal.MALFORMED
+def test_a_short_payload_is_malformed(talk: Talk) -> None:
+    for kind in (Configure, Turn, StartScan, Resend, TestLink):
+        refused = talk.answer_to_frame(kind.TYPE, b"\x01")
+        assert isinstance(refused, Refused), kind
+        assert refused.code == Refusal.MALFORMED
 
 
 def test_bytes_after_the_last_known_field_are_ignored(talk: Talk) -> None:
     request = Configure(20_000, 2_380, 0, 343_200)
     assert isinstance(talk.answer_to_frame(Configure.TYPE, request.pack() + b"more"), Settings)
-
-
-def test_during_a_scan_conflicting_commands_are_refused_and_others_served(talk: Talk) -> None:
-    talk.home()
-    commands = (
-        LONG,
-        Turn(0),
-        Home(),
-        LONG,
-        Configure(20_000, 2_380, 0, 343_200),
-        AskStatistics(),
-        Resend(0, 1),
-        Stop(),
-    )
-    started, *refused, statistics, again, stopped = talk.answers(*commands)
-    assert isinstance(started, Started)
-    assert [message.code for message in refused if isinstance(message, Refused)] == [Refusal.BUSY] * 4
-    assert isinstance(statistics, Statistics)
-    assert isinstance(again, Accepted)
-    assert isinstance(stopped, Accepted)
 
 
 # turning
@@ -221,16 +210,9 @@ def test_homing_ends_at_zero_and_turns_end_at_the_requested_angle(talk: Talk) ->
         answer, _, finished = talk.act(Turn(angle))
         assert isinstance(answer, Accepted)
         assert (finished.outcome, finished.readings, finished.text) == (Outcome.DONE, 0, "")
-        since = len(talk.received)
-        *_, beat = talk.until(ends_with_heartbeat, since)
-        assert isinstance(beat, Heartbeat)
+        beat = talk.heartbeat()
         assert abs(beat.angle - angle) <= microstep(info)
         assert (beat.state, beat.homed, beat.boot) == (State.IDLE, 1, info.boot)
-
-
-def ends_with_heartbeat(messages: list[Message]) -> bool:
-    """Return whether the last message is a heartbeat."""
-    return bool(messages) and isinstance(messages[-1], Heartbeat)
 
 
 def test_after_a_stopped_homing_the_zero_is_unknown(talk: Talk) -> None:
@@ -255,13 +237,6 @@ def forget_zero(talk: Talk) -> None:
     talk.answers(Home(), Stop())
 
 
-def heartbeat(talk: Talk) -> Heartbeat:
-    """Return the next heartbeat."""
-    *_, beat = talk.until(ends_with_heartbeat, len(talk.received))
-    assert isinstance(beat, Heartbeat)
-    return beat
-
-
 def test_pings_in_place_need_no_zero_and_turn_nothing(talk: Talk) -> None:
     settings = talk.home()
     talk.act(Turn(10 * DEGREE))
@@ -270,7 +245,7 @@ def test_pings_in_place_need_no_zero_and_turn_nothing(talk: Talk) -> None:
     for zero, angle in (Zero.MARK, 10 * DEGREE), (Zero.UNKNOWN, 0):
         if zero is Zero.UNKNOWN:
             forget_zero(talk)
-        assert (heartbeat(talk).homed, heartbeat(talk).angle) == (zero, angle)
+        assert (talk.heartbeat().homed, talk.heartbeat().angle) == (zero, angle)
         started, messages, finished = talk.act(here)
         assert isinstance(started, Started)
         made = readings(messages)
@@ -281,7 +256,7 @@ def test_pings_in_place_need_no_zero_and_turn_nothing(talk: Talk) -> None:
         if zero is Zero.MARK:
             assert all(one.echoes[0] == pytest.approx(at_ten.echoes[0], abs=NOISE) for one in made)
         assert finished.outcome == Outcome.DONE
-        assert heartbeat(talk).homed == zero
+        assert talk.heartbeat().homed == zero
 
 
 def test_a_zero_set_by_hand_is_the_present_angle_until_the_next_home(talk: Talk) -> None:
@@ -289,11 +264,11 @@ def test_a_zero_set_by_hand_is_the_present_angle_until_the_next_home(talk: Talk)
     talk.act(Turn(10 * DEGREE))
     (there,) = readings(talk.act(StartScan(10 * DEGREE, DEGREE, 1, 1, 1))[1])
     assert isinstance(talk.answer(SetZero()), Accepted)
-    assert (heartbeat(talk).homed, heartbeat(talk).angle) == (Zero.HAND, 0)
+    assert (talk.heartbeat().homed, talk.heartbeat().angle) == (Zero.HAND, 0)
     (here,) = readings(talk.act(StartScan(0, DEGREE, 1, 1, 1))[1])
     assert here.echoes[0] == pytest.approx(there.echoes[0], abs=NOISE)
     talk.home()
-    assert heartbeat(talk).homed == Zero.MARK
+    assert talk.heartbeat().homed == Zero.MARK
     (there_again,) = readings(talk.act(StartScan(10 * DEGREE, DEGREE, 1, 1, 1))[1])
     assert there_again.echoes[0] == pytest.approx(there.echoes[0], abs=NOISE)
 
@@ -304,11 +279,11 @@ def test_a_jog_turns_by_its_angle_without_a_zero_and_changes_no_zero(talk: Talk)
     (at_ten,) = readings(talk.act(StartScan(10 * DEGREE, DEGREE, 1, 1, 1))[1])
     here = StartScan(0, DEGREE, 1, 1, 1, in_place=1)
     assert talk.act(Turn(-4 * DEGREE, relative=1))[2].outcome == Outcome.DONE
-    assert (heartbeat(talk).homed, heartbeat(talk).angle) == (Zero.MARK, 6 * DEGREE)
+    assert (talk.heartbeat().homed, talk.heartbeat().angle) == (Zero.MARK, 6 * DEGREE)
     forget_zero(talk)
     (before,) = readings(talk.act(here)[1])
     assert talk.act(Turn(8 * DEGREE, relative=1))[2].outcome == Outcome.DONE
-    assert heartbeat(talk).homed == Zero.UNKNOWN
+    assert talk.heartbeat().homed == Zero.UNKNOWN
     (after,) = readings(talk.act(here)[1])
     assert talk.act(Turn(-8 * DEGREE, relative=1))[2].outcome == Outcome.DONE
     (back,) = readings(talk.act(here)[1])
@@ -322,17 +297,17 @@ def test_a_jog_turns_by_its_angle_without_a_zero_and_changes_no_zero(talk: Talk)
 def test_the_wiring_can_be_inverted_and_back(talk: Talk) -> None:
     talk.home()
     assert talk.ask(ConfigureWiring(0, 0), WiringSettings).inverted == 0
-    assert heartbeat(talk).homed == Zero.MARK
+    assert talk.heartbeat().homed == Zero.MARK
     try:
         assert talk.ask(ConfigureWiring(Wiring.CAM, Wiring.CAM), WiringSettings).inverted == Wiring.CAM
-        assert heartbeat(talk).homed == Zero.UNKNOWN
+        assert talk.heartbeat().homed == Zero.UNKNOWN
         assert talk.ask(ConfigureWiring(Wiring.MARK, Wiring.MARK), WiringSettings).inverted == 3
     finally:
         assert talk.ask(ConfigureWiring(7, 0), WiringSettings).inverted == 0
     talk.home()
-    assert Input.CAM in Input(heartbeat(talk).inputs)
+    assert Input.CAM in Input(talk.heartbeat().inputs)
     talk.act(Turn(-90 * DEGREE))
-    assert heartbeat(talk).inputs == 0
+    assert talk.heartbeat().inputs == 0
 
 
 def test_one_switch_homes_by_the_mark_and_turns_less_than_half_a_turn(talk: Talk) -> None:
@@ -344,12 +319,12 @@ def test_one_switch_homes_by_the_mark_and_turns_less_than_half_a_turn(talk: Talk
         assert talk.ask(ConfigureWiring(8, 8), WiringSettings).inverted == Wiring.ONE_SWITCH
         able = talk.capabilities()
         assert able.features == before.features | Feature.ONE_SWITCH
-        assert heartbeat(talk).homed == Zero.UNKNOWN
+        assert talk.heartbeat().homed == Zero.UNKNOWN
         talk.home()
         for angle in (able.highest_angle, able.lowest_angle, 90 * DEGREE):
             assert abs(angle) < 178 * DEGREE
             assert talk.act(Turn(angle))[2].outcome == Outcome.DONE
-            assert bool(Input(heartbeat(talk).inputs) & Input.MARK) == (angle > 0)
+            assert bool(Input(talk.heartbeat().inputs) & Input.MARK) == (angle > 0)
         assert talk.ask(Turn(able.highest_angle + 1), Refused).code == Refusal.OUT_OF_RANGE
         talk.home()
     finally:
@@ -415,10 +390,15 @@ def test_a_stopped_scan_ends_before_stop_is_answered(talk: Talk) -> None:
     assert finished.readings == len(readings(messages))
 
 
-def test_hello_ends_the_running_scan_and_keeps_the_zero(talk: Talk) -> None:
+def test_hello_ends_the_running_scan_and_keeps_zero_and_readings(talk: Talk) -> None:
     talk.home()
-    talk.send(LONG)
+    talk.ask(Configure(20_000, 2_380, 0, 345_678), Settings)
+    talk.ask(LONG, Started)
+    made = readings(talk.until(lambda received: len(readings(received)) == 3))
     assert talk.greet().homed == 1
+    since = len(talk.received)
+    talk.ask(Resend(0, 2), Accepted)
+    talk.until(lambda received: readings(received) == made[:2], since)
     assert talk.act(Turn(0))[2].outcome == Outcome.DONE
 
 
@@ -473,26 +453,45 @@ def test_heartbeats_come_every_quarter_second_during_every_activity(talk: Talk) 
     assert all(0.15 < later - earlier < 0.35 for earlier, later in itertools.pairwise(times))
 
 
-def test_the_conversation_with_a_silent_host_ends_until_the_next_hello(free_url: str) -> None:
-    with Link(free_url) as link:
-        talk = Talk(link)
-        talk.greet()
-        talk.home()
-        quiet = 1.0  # s
-        wait_until_quiet(talk, quiet)
-        while not isinstance(answer := talk.answer(Stop()), Refused):  # the device was only slow
-            quiet *= 2
-            wait_until_quiet(talk, quiet)
-        assert answer.code == Refusal.NO_HELLO
-        # the turntable may have been turned by hand meanwhile
-        assert talk.greet().homed == 0
-        assert talk.ask(Turn(0), Refused).code == Refusal.NOT_HOMED
+def test_the_conversation_with_a_silent_host_ends_until_the_next_hello(talk: Talk) -> None:
+    talk.home()
+    quiet = 1.0  # s
+    while not isinstance(answer := after_quiet(talk, quiet), Refused):  # the device was only slow
+        quiet *= 2
+    assert answer.code == Refusal.NO_HELLO
+    # the turntable may have been turned by hand meanwhile
+    assert talk.greet().homed == 0
+    assert talk.ask(Turn(0), Refused).code == Refusal.NOT_HOMED
 
 
-def wait_until_quiet(talk: Talk, quiet: float) -> None:
-    """Send nothing until nothing has been received from the scanner for `quiet` s."""
-    since, count = time.monotonic(), len(talk.received)
-    while time.monotonic() < since + quiet:
-        talk.listen()
-        if len(talk.received) > count:
-            since, count = time.monotonic(), len(talk.received)
+def after_quiet(talk: Talk, quiet: float) -> Message:
+    """Send nothing until nothing has been received for `quiet` s; return the answer to Stop."""
+    while talk.quiet(quiet):
+        pass
+    return talk.answer(Stop())
+
+
+@pytest.mark.direct
+def test_a_host_of_version_1_0_may_be_silent(talk: Talk) -> None:
+    talk.home()
+    talk.ask(Hello(PROTOCOL_MAJOR, 0), Info)
+    assert [type(message) for message in talk.quiet(10.01)] == [Heartbeat] * 40
+    assert talk.ask(Turn(0), Accepted)
+
+
+@pytest.mark.direct
+@pytest.mark.parametrize("silent_for", [0.48, 0.52])
+def test_a_baud_rate_without_a_valid_frame_ends_after_half_a_second(
+    talk: Talk, line: OpenLine, silent_for: float
+) -> None:
+    talk.ask(SetBaud(1_000_000), Accepted)
+    assert line.baud == 1_000_000
+    talk.write(b"\x55" * 300 + b"\0")
+    talk.quiet(silent_for)
+    assert line.baud == (1_000_000 if silent_for < BAUD_TIMEOUT else 250_000)
+    talk.ask(SetBaud(1_000_000), Accepted)
+    talk.ask(AskStatistics(), Statistics)
+    talk.quiet(1.0)
+    assert line.baud == 1_000_000
+    talk.quiet(HOST_SILENCE)
+    assert line.baud == 250_000

@@ -7,8 +7,8 @@ import pytest
 
 from sonarhw.wire.messages import StartScan
 from tests.conftest import Count
+from tests.fixtures.bench import Bench
 from tests.fixtures.faulty_boards import faulty
-from tests.fixtures.joined import Joined
 from tests.fixtures.plain_echoes import echo_time
 
 SHARE = 1 / 10_000
@@ -17,9 +17,8 @@ WHOLE_TURN = StartScan(start=0, step=1_000_000, headings=360, sweeps=1, pings=1)
 
 def test_a_scan_over_a_bad_cable_is_complete_and_correct_and_the_statistics_show_it(count: Count) -> None:
     for seed in range(count(2, 200)):
-        joined = Joined(board=faulty(f"flip={SHARE},drop={SHARE}", seed))
-        joined.greet(trace=True)
-        readings = joined.scan(WHOLE_TURN)
+        bench = Bench(faulty(f"flip={SHARE},drop={SHARE}", seed)).connect()
+        readings = bench.scanned(WHOLE_TURN, trace=True)
         assert sorted(reading.number for reading in readings) == list(range(360))
         gaps = 0
         for reading in readings:
@@ -30,7 +29,7 @@ def test_a_scan_over_a_bad_cable_is_complete_and_correct_and_the_statistics_show
             came = ~np.isnan(samples)
             np.testing.assert_allclose(samples[came], np.linspace(0, 1, 3125)[came], atol=0.5 / 255 + 1e-12)
             gaps += not came.all()
-        books = joined.driver.statistics
+        books = bench.session.statistics
         damages = 2 * SHARE * books.bytes_received
         assert damages / 2 < books.rejected_blocks < 1.5 * damages
         assert damages / 2 < books.missing_frames < 3 * damages

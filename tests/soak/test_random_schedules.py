@@ -3,9 +3,9 @@
 import random
 
 from tests.conftest import Count
+from tests.fixtures.bench import Bench
 from tests.fixtures.faulty_boards import faulty
-from tests.fixtures.plugged import Plugged
-from tests.unit.sonarhw.device.test_under_faults import SECTOR, assert_correct
+from tests.unit.sonarhw.device.test_faults import SECTOR, assert_correct
 
 LASTING = ("drop=1/2000", "flip=1/2000", "insert=1/2000", "drift=300", "drift=-3000", "protocol=1.9")
 SHORT = ("stall", "deaf", "mute", "reset", "nonsense", "unplug", "move")
@@ -26,11 +26,11 @@ def test_a_scan_recovers_from_every_mixture_of_faults(count: Count) -> None:
     chance = random.Random(23)
     for run in range(count(15, 1500)):
         faults = schedule(chance)
-        plugged = Plugged(faulty(faults, seed=run), vanishes=run % 2 == 0, seed=run)
-        if not plugged.connect():
+        bench = Bench(faulty(faults, seed=run), vanishes=run % 2 == 0, seed=run)
+        if bench.connect().session.failed:
             continue  # a loss before the first greeting is an error and is not retried
         try:
-            readings = plugged.scan(SECTOR, trace=run % 3 == 0)
+            readings = bench.scanned(SECTOR, trace=run % 3 == 0)
             assert sorted(reading.number for reading in readings) == list(range(80))
             assert_correct(readings)
         except BaseException as error:

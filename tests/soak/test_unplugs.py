@@ -3,9 +3,9 @@
 import random
 
 from tests.conftest import Count
+from tests.fixtures.bench import Bench
 from tests.fixtures.faulty_boards import faulty
-from tests.fixtures.plugged import Plugged
-from tests.unit.sonarhw.device.test_under_faults import SECTOR, assert_correct
+from tests.unit.sonarhw.device.test_faults import SECTOR, assert_correct
 
 WITHIN = 1.0  # s
 
@@ -17,12 +17,12 @@ def test_every_pulled_cable_is_detected_within_a_second_and_every_scan_completes
         # a board powered by its cable is reset too; the port may vanish, stay, or return under another name
         fault, seconds = chance.choice(("unplug", "move")), chance.choice((0.1, 0.5, 1.5, 4.0))
         powered = f",reset={seconds + 0.5}@~15" if run % 3 == 0 else ""
-        plugged = Plugged(faulty(f"{fault}={seconds}@~10{powered}", seed=run), vanishes=run % 2 == 0, seed=run)
-        readings = plugged.scan(SECTOR, trace=run % 4 == 0)
+        bench = Bench(faulty(f"{fault}={seconds}@~10{powered}", seed=run), vanishes=run % 2 == 0, seed=run)
+        readings = bench.scanned(SECTOR, trace=run % 4 == 0)
         assert sorted(reading.number for reading in readings) == list(range(80))
         assert_correct(readings)
-        noticed += plugged.noticed
-        unnoticed += plugged.unnoticed
+        noticed += bench.noticed
+        unnoticed += bench.unnoticed
         run += 1
     assert max(noticed) <= WITHIN
     assert max(unnoticed) <= WITHIN

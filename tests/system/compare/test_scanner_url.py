@@ -1,6 +1,5 @@
 """`sonarhw.open_scanner` opens fake scanners, logs, ports and added schemes, and closes what it has started."""
 
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,11 +21,7 @@ FAKE = "fake:laboratory?place=bench&seed=1&pace=max"
 SHORT = sector(0, 90, 10)
 
 
-@pytest.fixture(autouse=True)
-def no_thread_remains() -> Iterator[None]:
-    before = set(threading.enumerate())
-    yield
-    assert set(threading.enumerate()) == before
+pytestmark = pytest.mark.usefixtures("nothing_remains")
 
 
 @contextmanager

@@ -13,7 +13,7 @@ from sonarhw import Scanner
 from sonarhw.device.emulated_board import EmulatedBoard, emulated_board
 from sonarhw.readings import Ping, PingResult, Trace
 from tests.checkout import CHECKOUT
-from tests.system.firmware.portable import PortableBoard
+from tests.fixtures.portable_board import PortableBoard
 
 FIRMWARE = CHECKOUT / "firmware"
 # Times real time. Above 2.4, the board slows down before each sign of life of the host, which comes every 0.5 s.

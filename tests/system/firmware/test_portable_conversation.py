@@ -1,8 +1,6 @@
-"""Protocol of the portable part: the documented conversation, refusals, repeated messages and silence."""
+"""Traces, kept readings and the documented conversation of the portable part, beyond what `tests/contract` tests."""
 
 import re
-from dataclasses import fields
-from itertools import pairwise
 
 import pytest
 from cobs import cobs
@@ -11,7 +9,6 @@ from hypothesis import strategies as some
 
 from sonarhw.wire.frames import DELIMITER, Frame, FrameDecoder, encode_frame
 from sonarhw.wire.messages import (
-    FROM_HOST,
     Accepted,
     AskStatistics,
     Capabilities,
@@ -19,27 +16,18 @@ from sonarhw.wire.messages import (
     Finished,
     Heartbeat,
     Hello,
-    Home,
     Info,
-    LinkTested,
     Message,
-    Outcome,
     ReadingMessage,
-    Refusal,
-    Refused,
     Resend,
-    SetBaud,
     Settings,
     Started,
     StartScan,
-    Stop,
-    TestLink,
     TraceChunk,
-    Turn,
     unpack_message,
 )
-from tests.system.firmware.portable import AT_ONCE, HELD, PortableBoard
-from tests.unit.sonarhw.wire.test_firmware_protocol import rows, rows_of_code
+from tests.fixtures.portable_board import AT_ONCE, HELD, PortableBoard
+from tests.fixtures.protocol_document import block
 
 OF_THE_BOARD = (Info, Capabilities, Settings)  # describe the board, so they differ from those of the fake board
 FULL_TRACE = bytes(range(256)) * 19
@@ -47,9 +35,7 @@ FULL_TRACE = bytes(range(256)) * 19
 
 def documented() -> list[tuple[str, int, bytes]]:
     """Return sender, time (µs) and bytes of each frame in the documented conversation."""
-    entries = re.findall(
-        r"^(host  |device)  #\d+ at (\d+) us  .*\n((?:        .*\n)+)", rows_of_code("conversation"), re.M
-    )
+    entries = re.findall(r"^(host  |device)  #\d+ at (\d+) us  .*\n((?:        .*\n)+)", block("conversation"), re.M)
     return [(side.strip(), int(time), bytes.fromhex(wire)) for side, time, wire in entries]
 
 
@@ -79,31 +65,6 @@ def test_it_repeats_the_documented_conversation_byte_for_byte(board: PortableBoa
             assert encode_frame(ours) == encode_frame(theirs)
 
 
-@pytest.mark.parametrize("row", rows("What is refused"), ids=lambda row: row[0])
-def test_documented_refusals_have_the_documented_code(board: PortableBoard, row: list[str]) -> None:
-    command, code = row
-    name, values = re.fullmatch(r"(\w+)\((.*)\)", command).groups()  # type: ignore[union-attr]
-    kind = next(kind for kind in FROM_HOST if kind.__name__ == name)
-    given_values = dict(re.findall(r"(\w+)=([^,)]*)", values))
-    arguments = {key: bytes.fromhex(value) if key == "data" else int(value) for key, value in given_values.items()}
-    board.greet_and_home()
-    (refused,) = board.ask(kind(**arguments))
-    assert isinstance(refused, Refused)
-    assert Refusal(refused.code).name == code
-    assert refused.text
-
-
-@pytest.mark.parametrize("kind", FROM_HOST[1:], ids=lambda kind: kind.__name__)
-def test_before_hello_all_commands_are_refused_and_nothing_else_is_sent(
-    board: PortableBoard, kind: type[Message]
-) -> None:
-    example = {TestLink: TestLink(1, b"x"), StartScan: StartScan(0, 1, 1, 1, 1)}.get(kind)
-    message = example or kind(*(1 for _ in fields(kind)))
-    (refused,) = board.ask(message, 2_000_000)
-    assert isinstance(refused, Refused)
-    assert refused.code == Refusal.NO_HELLO
-
-
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=200)
 @given(trace=some.binary(min_size=1, max_size=1500))
 def test_any_trace_is_transmitted_unchanged(board: PortableBoard, trace: bytes) -> None:
@@ -125,8 +86,8 @@ def test_pieces_of_about_254_bytes_are_encoded_as_by_the_library(board: Portable
     for size in range(215, 257):
         board.set_echoes([], bytes([7]) * size)
         board.send(encode_frame(Frame(StartScan.TYPE, 1000 + size, 0, StartScan(0, 1, 1, 1, 1).pack())))
-        for block in board.advance(board.now + 150_000).split(DELIMITER)[:-1]:
-            assert cobs.encode(cobs.decode(block)) == block
+        for wire in board.advance(board.now + 150_000).split(DELIMITER)[:-1]:
+            assert cobs.encode(cobs.decode(wire)) == wire
 
 
 def scanned(board: PortableBoard, readings: int, echoes: int = 2) -> list[Message]:
@@ -169,19 +130,6 @@ def test_a_repeated_command_is_carried_out_once(board: PortableBoard, extra: byt
     assert second == [first[0], first[-1]]
 
 
-def test_heartbeats_arrive_every_250_ms_also_while_homing_and_turning(board: PortableBoard) -> None:
-    board.c.host_grain(100)
-    board.c.host_set_position(1_000)
-    board.ask(Hello(1, 0))
-    board.send(encode_frame(Frame(Home.TYPE, 50, 0, b"")))
-    received = board.frames_until(3_000_000)
-    board.send(encode_frame(Frame(Turn.TYPE, 51, 0, Turn(300_000_000).pack())))
-    received += board.frames_until(6_000_000)
-    beats = [frame.time_us for frame, message in received if isinstance(message, Heartbeat)]
-    assert max(after - before for before, after in pairwise(beats)) <= 251_000
-    assert {message.state for _, message in received if isinstance(message, Heartbeat)} == {0, 1, 2}
-
-
 def test_nothing_is_sent_and_no_motor_steps_while_it_listens(board: PortableBoard) -> None:
     board.greet_and_home()
     board.c.host_motor(0)
@@ -209,25 +157,6 @@ def test_lost_samples_are_marked_in_their_chunks(board: PortableBoard) -> None:
         assert b"".join(chunk.samples for chunk in chunks) == FULL_TRACE[:600]
 
 
-def test_a_host_of_version_1_1_is_gone_after_2_s_of_silence(board: PortableBoard) -> None:
-    board.c.host_grain(100)
-    board.c.host_motor(AT_ONCE)
-    board.ask(Hello(1, 1))
-    board.ask(SetBaud(1_000_000))
-    board.ask(Home(), 100_000)
-    assert board.c.host_powered()
-    last_frame = board.now - 100_000
-    assert board.frames_until(last_frame + 1_990_000)
-    assert board.c.host_powered()
-    board.frames_until(last_frame + 2_010_000)
-    assert not board.c.host_powered()
-    assert board.c.host_baud() == 250_000
-    assert board.frames_until(board.now + 2_000_000) == []
-    (info,) = board.ask(Hello(1, 1))
-    assert isinstance(info, Info)
-    assert info.homed == 0
-
-
 def test_nothing_is_sent_after_the_host_is_gone(board: PortableBoard) -> None:
     scanned(board, 70)
     board.ask(Hello(1, 1))
@@ -238,42 +167,11 @@ def test_nothing_is_sent_after_the_host_is_gone(board: PortableBoard) -> None:
     assert board.frames_until(board.now + 1_000_000) == []
 
 
-def test_silence_of_a_host_of_version_1_0_is_ignored(board: PortableBoard) -> None:
+def test_the_motor_is_released_two_seconds_after_the_last_frame(board: PortableBoard) -> None:
     board.greet_and_home()
-    assert len(board.frames_until(board.now + 10_000_000)) == 40
+    board.ask(Hello(1, 1))
+    last_frame = board.now - 1000
+    assert board.frames_until(last_frame + 1_990_000)
     assert board.c.host_powered()
-
-
-def test_a_baud_rate_without_a_valid_frame_ends_after_half_a_second(board: PortableBoard) -> None:
-    board.c.host_grain(100)
-    board.ask(Hello(1, 0))
-    (accepted,) = board.ask(SetBaud(500_000))
-    assert isinstance(accepted, Accepted)
-    assert board.c.host_baud() == 500_000
-    board.send(b"\x55" * 300 + b"\0")
-    board.frames_until(board.now + 490_000)
-    assert board.c.host_baud() == 500_000
-    board.frames_until(board.now + 20_000)
-    assert board.c.host_baud() == 250_000
-
-
-def test_a_baud_rate_with_a_valid_frame_is_kept(board: PortableBoard) -> None:
-    board.c.host_grain(100)
-    board.ask(Hello(1, 0))
-    board.ask(SetBaud(500_000))
-    (tested,) = board.ask(TestLink(7, b"\1\2\3"))
-    assert isinstance(tested, LinkTested)
-    assert tested.data == bytes([1, 2, 3, 1, 2, 3, 1])
-    board.frames_until(board.now + 3_000_000)
-    assert board.c.host_baud() == 500_000
-
-
-def test_stop_ends_a_scan_and_its_readings_are_kept(board: PortableBoard) -> None:
-    board.greet_and_home()
-    board.ask(StartScan(0, 5_000_000, 10, 1, 1), 350_000)
-    received = [m for m in board.ask(Stop(), 100_000) if not isinstance(m, Heartbeat | ReadingMessage)]
-    assert [type(m) for m in received] == [Finished, Accepted]
-    assert isinstance(received[0], Finished)
-    assert received[0].outcome == Outcome.STOPPED
-    again = [m for m in board.ask(Resend(0, 64), 100_000) if isinstance(m, ReadingMessage)]
-    assert len(again) == received[0].readings == 4
+    board.frames_until(last_frame + 2_010_000)
+    assert not board.c.host_powered()

@@ -27,7 +27,7 @@ from sonarhw.wire.messages import (
     Wiring,
     WiringSettings,
 )
-from tests.system.firmware.portable import MICROSTEPS, RAMPED, SLIPPING, PortableBoard
+from tests.fixtures.portable_board import MICROSTEPS, RAMPED, SLIPPING, PortableBoard
 
 A_DEGREE = MICROSTEPS // 360
 CAM_INVERTED, CAM_OPEN, MOTOR_REVERSED, MARK_OPEN, MARK_INVERTED = 1, 2, 4, 8, 16  # enum host_wiring

@@ -1,6 +1,5 @@
-"""A scanner serve_board each kind of link, TCP and pseudo-terminal, with real threads and mostly at maximum pace."""
+"""A scanner with real threads, mostly at maximum pace: what its caller gets, and what a stop or a lost link ends."""
 
-import errno
 import math
 import os
 import socket
@@ -8,8 +7,8 @@ import subprocess
 import sys
 import termios
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, ExitStack
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,14 +16,14 @@ import pytest
 
 from sonarhw.device.fake_board import BoardIdentity, FakeBoard
 from sonarhw.device.served import Endpoint, Pace, serve
-from sonarhw.errors import DeviceError, Incompatible, InputError, LinkBusy, LinkError, LinkLost, NoAnswer
+from sonarhw.errors import DeviceError, InputError, LinkBusy, LinkError, LinkLost, NoAnswer
 from sonarhw.host.driver import SILENCE
 from sonarhw.host.scanner import LinkThread, Scanner, TurnSettings
 from sonarhw.host.session import Connection
 from sonarhw.link import MOST, Link
 from sonarhw.readings import Reading, ScanOrder
 from sonarhw.wire.frames import Frame, FrameDecoder
-from sonarhw.wire.limits import HOST_SILENCE, MAX_ECHOES
+from sonarhw.wire.limits import MAX_ECHOES
 from sonarhw.wire.messages import (
     Approach,
     Configure,
@@ -35,7 +34,7 @@ from sonarhw.wire.messages import (
     TurntableSettings,
 )
 from tests.fixtures.plain_echoes import PlainEchoes, echo_time
-from tests.fixtures.stuck_boards import EndlessHoming, FiveReadings
+from tests.fixtures.stuck_boards import EndlessHoming
 from tests.hang_guard import HANG, wait_until
 
 ORDER = ScanOrder(start=0.0, step=math.radians(5), headings=72)
@@ -43,24 +42,12 @@ LONG = replace(ORDER, sweeps=1000)  # always stopped early
 Serve = Callable[..., AbstractContextManager[Endpoint]]
 
 
-@pytest.fixture(autouse=True)
-def no_thread_remains() -> Iterator[None]:
-    """Fail a test that leaves a running thread."""
-    before = set(threading.enumerate())
-    yield
-    remaining = [thread for thread in threading.enumerate() if thread not in before]
-    for thread in remaining:
-        thread.join(timeout=HANG)
-    assert not [thread.name for thread in remaining if thread.is_alive()]
-
-
-@pytest.fixture(params=["tcp", "pty", "pty behind a link"])
-def served(request: pytest.FixtureRequest, tmp_path: Path) -> Serve:
-    """Return a function that serves a board on this kind of line."""
+@pytest.fixture
+def served() -> Serve:
+    """Return a function that serves a board. The kind of line makes no difference; `tests/contract` tests all."""
 
     def serve_board(board: FakeBoard | None = None, pace: Pace = "max") -> AbstractContextManager[Endpoint]:
-        options = {"tcp": {"tcp": "127.0.0.1:0"}, "pty": {}, "pty behind a link": {"pty": tmp_path / "scanner"}}
-        return serve(board or FakeBoard(PlainEchoes(), seed=5), pace=pace, **options[request.param])
+        return serve(board or FakeBoard(PlainEchoes(), seed=5), pace=pace, tcp="127.0.0.1:0")
 
     return serve_board
 
@@ -230,20 +217,6 @@ def test_a_stop_without_an_action_does_not_wait_for_a_lost_device(served: Serve)
     scanner.close()
 
 
-def test_another_protocol_version_is_an_error_with_both_versions(served: Serve) -> None:
-    board = FakeBoard(PlainEchoes(), identity=BoardIdentity(major=2, minor=4))
-    with served(board) as endpoint, pytest.raises(Incompatible, match=r"2\.4.*1\.2"):
-        Scanner.open(endpoint.url)
-
-
-def test_a_newer_minor_version_is_accepted(served: Serve) -> None:
-    board = FakeBoard(PlainEchoes(), identity=BoardIdentity(minor=9))
-    with served(board) as endpoint, Scanner.open(endpoint.url) as scanner:
-        assert scanner.info.protocol == (1, 9)
-        scanner.home()
-        check_scan(list(scanner.scan(ORDER)))
-
-
 def test_every_frame_is_recorded_and_decodes_to_the_same_readings(served: Serve) -> None:
     recorder = MemoryRecorder()
     with served() as endpoint, Scanner.open(endpoint.url) as scanner:
@@ -281,35 +254,14 @@ def test_a_slow_caller_loses_no_reading(served: Serve, monkeypatch: pytest.Monke
         assert scanner.statistics.missing_frames == 0
 
 
-def test_a_stop_of_the_process_after_a_read_without_data_is_no_loss(
-    served: Serve, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Bytes that arrive while the system stops the process are no silence of the device."""
-    really_read, really_now = Link.read, LinkThread.now
-    stopped: list[float] = []  # s of each stop
-
-    def read(link: Link) -> bytes:
-        data = really_read(link)
-        if not data and not stopped:
-            wait_until(lambda: link._port.in_waiting)  # the next heartbeat
-            stopped.append(2 * SILENCE)
-        return data
-
-    with served(pace=1.0) as endpoint, Scanner.open(endpoint.url) as scanner:
-        monkeypatch.setattr(LinkThread, "now", lambda thread: really_now(thread) + sum(stopped))
-        monkeypatch.setattr(Link, "read", read)
-        wait_until(lambda: stopped)
-        assert scanner.turn(0.0) is Outcome.DONE
-        assert scanner.statistics.losses == 0
-
-
-def test_a_stop_of_process_and_device_is_no_loss(served: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nothing has arrived after a stop of the system, because the device was stopped too."""
+@pytest.mark.parametrize("silent", [1, 3])
+def test_a_stop_of_the_process_is_no_loss(served: Serve, monkeypatch: pytest.MonkeyPatch, silent: int) -> None:
+    """Bytes may wait that arrived meanwhile, or none for some reads, because the device was stopped too."""
     really_read, really_now = Link.read, LinkThread.now
     stopped: list[float] = []  # s of each read that found nothing
 
     def read(link: Link) -> bytes:
-        if len(stopped) == 3:
+        if len(stopped) == silent:
             return really_read(link)
         stopped.append(0.0 if stopped else 2 * SILENCE)
         return b""
@@ -317,20 +269,9 @@ def test_a_stop_of_process_and_device_is_no_loss(served: Serve, monkeypatch: pyt
     with served(pace=1.0) as endpoint, Scanner.open(endpoint.url) as scanner:
         monkeypatch.setattr(LinkThread, "now", lambda thread: really_now(thread) + sum(stopped))
         monkeypatch.setattr(Link, "read", read)
-        wait_until(lambda: len(stopped) == 3)
+        wait_until(lambda: len(stopped) == silent)
         assert scanner.turn(0.0) is Outcome.DONE
         assert scanner.statistics.losses == 0
-
-
-def test_a_busy_scanner_refuses_a_second_action(served: Serve) -> None:
-    with served() as endpoint, Scanner.open(endpoint.url) as scanner:
-        scanner.home()
-        scan = scanner.scan(ORDER)
-        next(scan)
-        with pytest.raises(DeviceError, match="is busy"):
-            scanner.home()
-        scan.close()
-        assert scanner.home() is Outcome.DONE
 
 
 def test_a_request_that_does_not_fit_a_message_is_refused_before_it_is_sent(served: Serve) -> None:
@@ -341,41 +282,13 @@ def test_a_request_that_does_not_fit_a_message_is_refused_before_it_is_sent(serv
         check_scan(list(scanner.scan(ORDER)))
 
 
-def test_a_scanner_that_returns_under_another_name_continues_the_scan(tmp_path: Path) -> None:
-    echoes = PlainEchoes()
-    names = [tmp_path / "first", tmp_path / "second"]
-
-    def current_name() -> str:
-        return str(next((name for name in names if name.exists()), names[0]))
-
-    with ExitStack() as stack:
-        with serve(FiveReadings(echoes, identity=BoardIdentity(boot=1)), pty=names[0], pace=20.0) as first:
-            scanner = stack.enter_context(Scanner.open(first.url, find=current_name))
-            scan = scanner.scan(ORDER)
-            readings = [next(scan) for _ in range(5)]
-        stack.enter_context(serve(FakeBoard(echoes, identity=BoardIdentity(boot=2)), pty=names[1], pace=20.0))
-        check_scan([*readings, *scan])
-        statistics = scanner.statistics
-        assert (statistics.losses, statistics.resets) == (1, 1)
-        scanner.close()
-
-
 def test_a_line_with_a_settable_speed_uses_its_highest_speed(tmp_path: Path) -> None:
     board = FakeBoard(PlainEchoes(), identity=BoardIdentity(bauds=(250_000, 500_000, 1_000_000)))
     with serve(board, pty=tmp_path / "scanner", pace=20.0) as endpoint, Scanner.open(endpoint.url) as scanner:
         assert scanner.baud == board.line.baud == 1_000_000
-        assert termios.tcgetattr(os.open(endpoint.url, os.O_RDONLY | os.O_NOCTTY))[4] == termios.B1000000
+        with open(os.open(endpoint.url, os.O_RDONLY | os.O_NOCTTY), "rb", buffering=0) as terminal:
+            assert termios.tcgetattr(terminal)[4] == termios.B1000000
         check_scan(list(scanner.scan(ORDER)))
-
-
-def test_a_scanner_idle_for_long_keeps_its_zero(served: Serve) -> None:
-    board = FakeBoard(PlainEchoes(), seed=5)
-    with served(board, pace=0.5) as endpoint, Scanner.open(endpoint.url) as scanner:
-        scanner.turn(0.1)
-        turned = board._now
-        wait_until(lambda: board._now > turned + 1.2 * HOST_SILENCE)
-        assert board.zero
-        assert scanner.state is Connection.READY
 
 
 def test_an_unanswered_greeting_is_an_error() -> None:
@@ -383,23 +296,19 @@ def test_an_unanswered_greeting_is_an_error() -> None:
         Scanner.open(f"socket://127.0.0.1:{silent.getsockname()[1]}", patience=0.2)
 
 
-def test_a_closed_port_and_a_missing_file_are_named() -> None:
+def test_a_closed_port_and_what_is_no_port_are_named(tmp_path: Path) -> None:
+    (tmp_path / "room.toml").touch()
     with socket.socket() as closed:
         closed.bind(("127.0.0.1", 0))  # does not listen, and no other program can take it
-        with pytest.raises(LinkError, match="connection refused"):
-            Scanner.open(f"socket://127.0.0.1:{closed.getsockname()[1]}")
-    with pytest.raises(LinkError, match="no such port"):
-        Scanner.open("no/such/port")
-    with pytest.raises(LinkError, match=r"did you mean socket://localhost:4000\?"):
-        Scanner.open("localhost:4000")
-
-
-def test_a_file_or_a_folder_is_not_a_serial_port(tmp_path: Path) -> None:
-    file = tmp_path / "room.toml"
-    file.touch()
-    for path in (file, tmp_path):
-        with pytest.raises(LinkError, match="is not a serial port"):
-            Scanner.open(str(path))
+        for url, message in {
+            f"socket://127.0.0.1:{closed.getsockname()[1]}": "connection refused",
+            "no/such/port": "no such port",
+            "localhost:4000": r"did you mean socket://localhost:4000\?",
+            str(tmp_path): "is not a serial port",
+            str(tmp_path / "room.toml"): "is not a serial port",
+        }.items():
+            with pytest.raises(LinkError, match=message):
+                Scanner.open(url)
 
 
 def test_a_port_held_by_this_program_is_reported_as_busy(tmp_path: Path) -> None:
@@ -422,18 +331,6 @@ def test_the_error_of_a_busy_port_names_the_other_program(tmp_path: Path) -> Non
             with pytest.raises(LinkBusy, match=rf"python\S* \({other.pid}\) holds the port"):
                 Scanner.open(endpoint.url)
             other.communicate(b"\n")
-
-
-def test_a_forbidden_port_names_the_group_to_join(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    port = tmp_path / "port"
-    port.touch()
-
-    def forbidden(*_: object) -> int:
-        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
-
-    monkeypatch.setattr("serial.serialposix.os.open", forbidden)
-    with pytest.raises(LinkError, match="join the group"):
-        Scanner.open(str(port))
 
 
 def test_a_peer_that_closes_at_once_is_a_lost_link() -> None:

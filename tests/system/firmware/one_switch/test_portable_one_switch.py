@@ -26,7 +26,7 @@ from sonarhw.wire.messages import (
     Turn,
     Wiring,
 )
-from tests.system.firmware.portable import RAMPED, SLIPPING, PortableBoard
+from tests.fixtures.portable_board import RAMPED, SLIPPING, PortableBoard
 from tests.system.firmware.test_portable_turntable import (
     A_DEGREE,
     CAM_INVERTED,

@@ -1,15 +1,20 @@
-"""The refusals of the fake board, and its behaviour at the limits of its settings."""
+"""The fake board beyond the protocol, which `tests/contract` tests: its echoes, its line, its age and its limits."""
+
+from dataclasses import replace
 
 import pytest
 
-from sonarhw.device.fake_board import BoardIdentity, FakeBoard
+from sonarhw.device.fake_board import BoardIdentity, FakeBoard, rearmed
 from sonarhw.device.protocol import BACKLOG, Line
-from sonarhw.host.driver import Driver
-from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
+from sonarhw.wire.frames import DELIMITER, Frame, encode_frame
+from sonarhw.wire.limits import RECEIVE_ROOM
 from sonarhw.wire.messages import (
     NO_TEMPERATURE,
     Accepted,
+    AskCapabilities,
+    AskStatistics,
     Configure,
+    ConfigureTurntable,
     Finished,
     Heartbeat,
     Hello,
@@ -20,98 +25,72 @@ from sonarhw.wire.messages import (
     ReadingMessage,
     Refusal,
     Refused,
-    Resend,
+    SetBaud,
+    Settings,
+    Started,
     StartScan,
+    Statistics,
     Stop,
+    TestLink,
     Turn,
-    unpack_message,
+    TurntableSettings,
 )
-from tests.fixtures.joined import Joined
+from tests.contract.talk import DirectLine, Talk, readings
 from tests.fixtures.plain_echoes import PlainEchoes, echo_time
 
-
-def refusal(joined: Joined, message: Message) -> Refusal:
-    """Return the code with which the board refuses a message."""
-    answer = joined.ask(message).answer
-    assert isinstance(answer, Refused), answer
-    assert answer.text
-    return Refusal(answer.code)
+ONE = StartScan(0, 1_000_000, 1, 1, 1)
+CONFIGURE = Configure(62_500, 2_380, 0, 343_200)
+FIRST = round(echo_time(0.0) * 1e9)  # ns; the second echo takes twice as long
 
 
-def raw_answers(
-    board: FakeBoard, kind: int, payload: bytes, sequence: int = 9, at: float = 1.0
-) -> list[Message | None]:
-    """Return what the board sends within 10 ms after a frame with this type and payload."""
-    board.receive(encode_frame(Frame(kind, sequence, 0, payload)), at)
-    frames = FrameDecoder().feed(board.advance(at + 0.01))
-    return [unpack_message(frame.type, frame.payload) for frame in frames if isinstance(frame, Frame)]
+def talk_to(board: FakeBoard, minor: int = 2) -> Talk:
+    """Return a conversation with the board, after Hello."""
+    line = DirectLine(board)
+    talk = Talk(line, line.clock)
+    talk.ask(Hello(1, minor), Info)
+    return talk
 
 
 @pytest.fixture
-def greeted() -> Joined:
-    joined = Joined()
-    joined.ask(Hello(1, 0))
-    return joined
+def board() -> FakeBoard:
+    return FakeBoard(PlainEchoes(), seed=7)
 
 
 @pytest.fixture
-def homed() -> Joined:
-    joined = Joined()
-    joined.greet()
-    return joined
+def talk(board: FakeBoard) -> Talk:
+    """Return a conversation with the board, which is homed."""
+    talk = talk_to(board)
+    talk.act(Home())
+    return talk
 
 
 @pytest.mark.parametrize(
-    "message", [Configure(62_500, 2380, 0, 343_200), Home(), Turn(0), StartScan(0, 1, 1, 1, 1), Stop(), Resend(0, 1)]
+    ("settings", "echoes"),
+    [
+        (CONFIGURE, [FIRST, 2 * FIRST]),
+        (replace(CONFIGURE, blanking_us=15_100), [2 * FIRST]),
+        (replace(CONFIGURE, listen_us=29_000), [FIRST]),
+        (replace(CONFIGURE, listen_us=29_000, blanking_us=15_100), []),
+        (replace(CONFIGURE, echoes=1), [FIRST]),
+        (replace(CONFIGURE, rearm_us=20_000), [FIRST]),
+    ],
+    ids=str,
 )
-def test_every_command_before_hello_is_refused(message: Message) -> None:
-    assert refusal(Joined(), message) is Refusal.NO_HELLO
+def test_the_settings_decide_which_echoes_are_reported(talk: Talk, settings: Configure, echoes: list[int]) -> None:
+    talk.ask(settings, Settings)
+    (reading,) = readings(talk.act(ONE)[1])
+    assert [*reading.echoes] == echoes
 
 
-def test_an_unknown_type_and_a_malformed_payload_are_named_in_the_refusal() -> None:
-    board = FakeBoard(PlainEchoes())
-    raw_answers(board, Hello.TYPE, Hello(1, 0).pack())
-    (unknown,) = raw_answers(board, 0x55, b"")
-    (malformed,) = raw_answers(board, Turn.TYPE, b"\1\2")
-    (from_device,) = raw_answers(board, Info.TYPE, b"")
-    assert isinstance(unknown, Refused)
-    assert isinstance(malformed, Refused)
-    assert isinstance(from_device, Refused)
-    assert (unknown.code, malformed.code, from_device.code) == (Refusal.UNKNOWN, Refusal.MALFORMED, Refusal.UNKNOWN)
-    assert "0x55" in unknown.text
-    assert "Turn" in malformed.text
-    assert unknown.command == 9
-
-
-def test_echoes_inside_blanking_and_beyond_listening_are_not_reported(homed: Joined) -> None:
-    first = echo_time(0.0)  # 15 ms; the second echo takes 30 ms
-    for listen, blanking, expected in (
-        (62_500, 2_380, 2),
-        (62_500, 15_100, 1),
-        (29_000, 2_380, 1),
-        (29_000, 15_100, 0),
-    ):
-        homed.ask(Configure(listen, blanking, 0, 343_200))
-        (reading,) = homed.scan(StartScan(0, 1_000_000, 1, 1, 1))
-        assert len(reading.echo_times) == expected
-        assert all(time in (pytest.approx(first), pytest.approx(2 * first)) for time in reading.echo_times)
-
-
-def test_the_last_sixty_four_readings_are_kept_for_resending(homed: Joined) -> None:
-    homed.scan(StartScan(0, 1_000_000, 70, 1, 1))
-    sent = encode_frame(Frame(Resend.TYPE, 77, 0, Resend(0, 64).pack()))
-    homed.board.receive(sent, homed.now)
-    frames = FrameDecoder().feed(homed.board.advance(homed.now + 0.1))
-    answers = [unpack_message(frame.type, frame.payload) for frame in frames if isinstance(frame, Frame)]
-    assert answers[0] == Accepted(77)
-    assert [item.number for item in answers if isinstance(item, ReadingMessage)] == list(range(6, 64))
+def test_rearming_drops_echoes_too_soon_after_a_detected_echo() -> None:
+    assert rearmed([0.010, 0.0101, 0.0109, 0.0111, 0.03], 0.001) == [0.010, 0.0111, 0.03]
+    assert rearmed([0.02, 0.01], 0.0) == [0.01, 0.02]
 
 
 def test_frames_leave_at_the_rate_of_the_line() -> None:
     line = Line()
-    line.send(Accepted(1), 2.0)
-    line.send(Accepted(2), 2.0)
-    line.send(Accepted(3), 5.0)
+    for number, time in enumerate((2.0, 2.0, 5.0)):
+        line.send(Accepted(number + 1), time)
     size = len(encode_frame(Frame(Accepted.TYPE, 0, 2_000_000, Accepted(1).pack())))
     departures = []
     while (departure := line.departure()) is not None:
@@ -122,117 +101,122 @@ def test_frames_leave_at_the_rate_of_the_line() -> None:
     assert line.waiting == 0
 
 
-def test_a_host_that_never_reads_does_not_fill_the_memory_of_the_board() -> None:
-    board = FakeBoard(PlainEchoes())
+def test_a_host_that_never_reads_does_not_fill_the_memory_of_the_board(board: FakeBoard) -> None:
     for sequence in range(20_000):
         board.receive(encode_frame(Frame(Hello.TYPE, sequence, 0, Hello(1, 0).pack())), 0.0)
     assert board.line.waiting < BACKLOG + 200
 
 
-def test_after_a_disconnect_the_board_is_silent_and_requires_hello(homed: Joined) -> None:
-    homed.ask(StartScan(0, 1_000_000, 50, 1, 1))
-    homed.board.hang_up()
-    assert not homed.board.busy
-    assert homed.board.next_event() is None
-    assert homed.board.advance(homed.now + 10) == b""
-    assert isinstance(raw_answers(homed.board, Stop.TYPE, b"")[0], Refused)
+def test_after_a_disconnect_the_board_is_silent_and_requires_hello(board: FakeBoard, talk: Talk) -> None:
+    talk.ask(StartScan(0, 1_000_000, 50, 1, 1), Started)
+    board.hang_up()
+    assert (board.busy, board.next_event()) == (False, None)
+    assert talk.quiet(10.0) == []
+    assert talk.ask(Stop(), Refused).code == Refusal.NO_HELLO
 
 
 def test_the_seed_determines_the_board() -> None:
     def homing_time(seed: int) -> float:
-        joined = Joined(board=FakeBoard(PlainEchoes(), seed=seed))
-        joined.ask(Hello(1, 0))
-        joined.act(Home())
-        return joined.now
+        talk = talk_to(FakeBoard(PlainEchoes(), seed=seed))
+        talk.act(Home())
+        return talk.clock()
 
     assert homing_time(1) == homing_time(1) != homing_time(2)
 
 
-def test_a_board_without_a_thermometer_sends_no_temperature() -> None:
-    (info,) = raw_answers(FakeBoard(PlainEchoes(temperature_c=None)), Hello.TYPE, Hello(1, 0).pack())
-    assert isinstance(info, Info)
-    assert info.temperature == NO_TEMPERATURE
+def test_a_board_without_thermometer_and_traces_sends_neither() -> None:
+    talk = talk_to(FakeBoard(PlainEchoes(temperature_c=None), identity=BoardIdentity(trace_rate=0)))
+    assert talk.ask(Hello(1, 2), Info).temperature == NO_TEMPERATURE
+    assert talk.ask(replace(CONFIGURE, trace=1), Settings).trace == 0
 
 
-def test_a_stop_during_a_turn_keeps_the_angle_reached(homed: Joined) -> None:
-    turn = homed.ask(Turn(180_000_000))
-    end = homed.now + 0.5
-    homed.until(lambda: homed.now >= end)
-    homed.ask(Stop())
-    assert isinstance(turn.finished, Finished)
-    homed.until(lambda: homed.driver.heartbeat is not None and homed.driver.heartbeat.state == 0)
-    assert homed.driver.heartbeat is not None
-    assert 80_000_000 < homed.driver.heartbeat.angle < 140_000_000
+def test_a_stop_during_a_turn_keeps_the_angle_reached(talk: Talk) -> None:
+    talk.ask(Turn(180_000_000), Accepted)
+    talk.quiet(0.5)
+    talk.ask(Stop(), Accepted)
+    beat = talk.heartbeat()
+    assert beat.state == 0
+    assert 80_000_000 < beat.angle < 140_000_000
 
 
 def test_a_board_whose_receivers_are_not_ready_homes_and_turns_but_delays_its_pings() -> None:
-    ready = False
-    echoes = PlainEchoes()
-    joined = Joined(board=FakeBoard(echoes, ready=lambda: ready))
-    joined.ask(Hello(1, 0))
-    joined.act(Home())
-    joined.act(Turn(90_000_000))
-    assert joined.now < 3.0
-    scan = joined.ask(StartScan(0, 1_000_000, 2, 1, 1))
-    joined.until(lambda: joined.now > 10)
-    assert (scan.finished, echoes.pings) == (None, [])
-    assert not joined.board.busy
+    ready, echoes = False, PlainEchoes()
+    board = FakeBoard(echoes, ready=lambda: ready)
+    talk = talk_to(board)
+    talk.act(Home())
+    talk.act(Turn(90_000_000))
+    assert talk.clock() < 3.0
+    talk.ask(ONE, Started)
+    messages = talk.until(lambda _: talk.clock() > 10)
+    assert not any(isinstance(message, Finished) and message.readings for message in messages)
+    assert (echoes.pings, board.busy) == ([], False)
     ready = True
-    joined.until(lambda: scan.finished is not None, within=2.0)
-    assert len(echoes.pings) == 2
+    talk.until(lambda received: len(readings(received)) == 1)
+    assert talk.clock() < 12
 
 
 @pytest.mark.parametrize("degrees", [-720, -350, 0, 1, 90, 700, 720])
-def test_homing_takes_less_than_three_seconds_from_any_angle_within_the_cable_limits(
-    homed: Joined, degrees: int
-) -> None:
-    homed.act(Turn(degrees * 1_000_000))
-    began = homed.now
-    home = homed.act(Home())
-    assert homed.now - began < 3.0
-    assert home.finished is not None
-    assert home.finished.outcome == Outcome.DONE
+def test_homing_takes_less_than_three_seconds_from_any_angle_within_the_cable_limits(talk: Talk, degrees: int) -> None:
+    talk.act(Turn(degrees * 1_000_000))
+    began = talk.clock()
+    assert talk.act(Home())[2].outcome == Outcome.DONE
+    assert talk.clock() - began < 3.0
 
 
-def test_homing_after_a_stop_continues_from_the_angle_reached(homed: Joined) -> None:
-    homed.act(Turn(720_000_000))
-    homed.ask(Home())
-    end = homed.now + 1.5
-    homed.until(lambda: homed.now >= end)
-    homed.ask(Stop())
-    assert refusal(homed, Turn(0)) is Refusal.NOT_HOMED
-    began = homed.now
-    homed.act(Home())
-    assert homed.now - began < 0.6  # a quarter of the way remains
+def test_homing_after_a_stop_continues_from_the_angle_reached(talk: Talk) -> None:
+    talk.act(Turn(720_000_000))
+    talk.ask(Home(), Accepted)
+    talk.quiet(1.5)
+    talk.ask(Stop(), Accepted)
+    began = talk.clock()
+    talk.act(Home())
+    assert talk.clock() - began < 0.6  # a quarter of the way remains
 
 
-def test_hello_keeps_zero_settings_and_readings_and_drops_old_messages(homed: Joined) -> None:
-    homed.ask(Configure(62_500, 15_100, 0, 343_200))  # the first of two echoes is blanked
-    homed.ask(StartScan(0, 1_000_000, 50, 1, 1))
-    homed.until(lambda: len(homed.readings) == 5)
-    sent = raw_answers(homed.board, Hello.TYPE, Hello(1, 0).pack(), at=homed.now)
-    assert [type(message) for message in sent if not isinstance(message, Heartbeat)] == [Finished, Info]
-    sent = raw_answers(homed.board, Resend.TYPE, Resend(0, 64).pack(), sequence=10, at=homed.now)
-    assert [item.number for item in sent if isinstance(item, ReadingMessage)][:5] == [0, 1, 2, 3, 4]
-    homed.driver = Driver(first_sequence=7000)
-    homed.ask(Hello(1, 0))
-    (reading,) = homed.scan(StartScan(0, 1_000_000, 1, 1, 1))  # not refused with NOT_HOMED
-    assert reading.echo_times == pytest.approx([2 * echo_time(0.0)])
+def test_heartbeats_count_the_readings_of_the_last_scan_after_a_turn_too(talk: Talk) -> None:
+    talk.act(StartScan(0, 1_000_000, 5, 1, 1))
+    talk.act(Turn(90_000_000))
+    assert talk.heartbeat().readings == 5
 
 
-def test_heartbeats_count_the_readings_of_the_last_scan_after_a_turn_too(homed: Joined) -> None:
-    homed.scan(StartScan(0, 1_000_000, 5, 1, 1))
-    homed.act(Turn(90_000_000))
-    end = homed.now + 0.3
-    homed.until(lambda: homed.now >= end)
-    assert homed.driver.heartbeat is not None
-    assert homed.driver.heartbeat.readings == 5
+def test_the_turntable_speed_is_limited_by_settings_and_motor(talk: Talk) -> None:
+    slow = talk.ask(ConfigureTurntable(45_000_000, 0, 100_000, 1), TurntableSettings)
+    assert (slow.speed, slow.settle_us, slow.approach) == (45_000_000, 100_000, 1)
+    began = talk.clock()
+    talk.act(Turn(90_000_000))
+    assert talk.clock() - began == pytest.approx(2.1, abs=0.05)
+    assert talk.ask(ConfigureTurntable(10**9, 0, 20_000, 0), TurntableSettings).speed == 180_000_000
 
 
-def test_a_board_without_traces_reports_it_in_its_settings_and_sends_none() -> None:
-    joined = Joined(board=FakeBoard(PlainEchoes(), identity=BoardIdentity(trace_rate=0)))
-    joined.greet(trace=True)
-    assert joined.driver.assembler.settings is not None
-    assert joined.driver.assembler.settings.trace == 0
-    (reading,) = joined.scan(StartScan(0, 1_000_000, 1, 1, 1))
-    assert reading.trace is None
+def test_old_firmware_refuses_unknown_commands_and_sends_no_new_messages() -> None:
+    talk = talk_to(FakeBoard(PlainEchoes(), seed=7, identity=BoardIdentity(minor=0)))
+    info = talk.ask(Hello(1, 2), Info)
+    assert (info.minor, info.boot) == (0, 0)
+    for message in (AskCapabilities(), AskStatistics(), TestLink(1, b"a"), SetBaud(1_000_000)):
+        assert talk.ask(message, Refused).code == Refusal.UNKNOWN
+    talk.ask(Home(), Accepted)
+    talk.quiet(3.0)
+    talk.ask(StartScan(0, 1_000_000, 4, 1, 1, 2, 1), Started)
+    sent = talk.quiet(3.0)
+    assert [reading.number for reading in readings(sent)] == [0, 1, 2, 3]
+    assert {(beat.boot, beat.homed) for beat in sent if isinstance(beat, Heartbeat)} == {(0, 0)}
+
+
+def test_while_it_listens_it_answers_nothing_and_keeps_as_many_bytes_as_documented(talk: Talk) -> None:
+    talk.ask(Configure(60_000, 0, 0, 343_200), Settings)
+    talk.ask(StartScan(0, 1_000_000, 5, 1, 1), Started)
+    commands = [talk.wire(AskStatistics.TYPE, b"") for _ in range(10)]
+    for command in commands:
+        talk.write(command)
+    kept = RECEIVE_ROOM // len(commands[0])
+
+    def others(messages: list[Message]) -> list[type[Message]]:
+        return [type(message) for message in messages if not isinstance(message, Heartbeat)]
+
+    assert others(talk.quiet(0.045)) == []
+    assert others(talk.quiet(0.02)) == [ReadingMessage, *[Statistics] * kept]
+    talk.quiet(0.03)
+    talk.write(DELIMITER)  # ends the frame that was cut off
+    talk.until(lambda messages: others(messages).count(Statistics) > kept, alive=True)
+    overruns = talk.ask(AskStatistics(), Statistics).overruns
+    assert overruns == sum(map(len, commands)) - RECEIVE_ROOM

@@ -23,8 +23,7 @@ from sonarhw.wire.messages import (
     unpack_message,
 )
 from sonarhw.wire.readings_of_frames import Progress
-from tests.fixtures.joined import rewriting
-from tests.fixtures.pulled_cables import Bench
+from tests.fixtures.bench import Bench, rewriting
 
 ORDER = StartScan(start=0, step=10_000_000, headings=36, sweeps=1, pings=1)
 SETTINGS = Configure(20_000, 2_380, 0, 343_200)

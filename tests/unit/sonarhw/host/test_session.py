@@ -1,28 +1,71 @@
-"""A session under faults of cable and board: the scan is complete and from one device, or ends with an error."""
+"""A session with a fake board: the scan is complete and from one device, or ends with an error, over any cable."""
 
 import itertools
 import math
 import random
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from sonarhw.device.fake_board import BoardIdentity
-from sonarhw.errors import CommandRefused, DeviceError, Incompatible, LinkLost, LogError, NoAnswer, WrongDevice
-from sonarhw.host.scripts import MOVE_WITHIN, configuring, configuring_turntable, homing, scanning, turning, zeroing
-from sonarhw.host.session import Connection
+from sonarhw.errors import (
+    CommandRefused,
+    DeviceError,
+    Incompatible,
+    LinkLost,
+    LogError,
+    NoAnswer,
+    SonarError,
+    WrongDevice,
+)
+from sonarhw.host.driver import ASK_AGAIN, NO_MESSAGE, SIGN_OF_LIFE, SILENCE
+from sonarhw.host.scripts import (
+    MOVE_WITHIN,
+    Job,
+    configuring,
+    configuring_turntable,
+    homing,
+    scanning,
+    turning,
+    zeroing,
+)
+from sonarhw.host.session import Connection, Session
+from sonarhw.link import BOOTLOADER
 from sonarhw.readings import Reading, pings_in_place
-from sonarhw.wire.messages import Configure, ConfigureTurntable, Outcome, ReadingMessage, StartScan, Turn, Zero
+from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
+from sonarhw.wire.messages import (
+    Accepted,
+    ConfigureTurntable,
+    Finished,
+    Heartbeat,
+    Message,
+    Outcome,
+    ReadingMessage,
+    Resend,
+    Settings,
+    Started,
+    StartScan,
+    Turn,
+    Zero,
+)
 from sonarhw.wire.readings_of_frames import start_scan
 from tests.conftest import Count
-from tests.fixtures.joined import dropping, flipping, without
+from tests.fixtures.bench import CONNECTED, TRACES, Bench, Cable, cut_every, dropping, flipping, without, without_first
 from tests.fixtures.plain_echoes import echo_time
-from tests.fixtures.pulled_cables import CONNECTED, Bench
 
 ORDER = StartScan(start=10_000_000, step=2_500_000, headings=30, sweeps=2, pings=1)
-TRACES = Configure(20_000, 2_380, 1, 343_200)
+CABLES: dict[str, Callable[[], Cable]] = {
+    "one byte in 2000 dropped": lambda: dropping(1, 1 / 2000),
+    "one byte in 300 dropped": lambda: dropping(2, 1 / 300),
+    "one byte in 300 flipped": lambda: flipping(4, 1 / 300),
+    "40 bytes in 1500 cut": lambda: cut_every(1500, 40),
+    "200 bytes in 5000 cut": lambda: cut_every(5000, 200),
+}
 
 
-def assert_complete(readings: "list[Reading]", order: StartScan = ORDER) -> None:
+def assert_complete(readings: Sequence[Reading], order: StartScan = ORDER) -> None:
     """Assert that every reading of the scan is present once and correct."""
     total = order.headings * order.sweeps * order.pings
     assert sorted(reading.number for reading in readings) == list(range(total))
@@ -36,16 +79,157 @@ def assert_complete(readings: "list[Reading]", order: StartScan = ORDER) -> None
         assert reading.echo_times[0] == pytest.approx(echo_time(angle), abs=2e-9)
 
 
+@pytest.fixture
+def bench() -> Bench:
+    """Return a session that is connected to a fake board."""
+    return Bench().connect()
+
+
+# damaged and lost messages
+
+
+@pytest.mark.parametrize("cable", CABLES.values(), ids=CABLES.keys())
+@pytest.mark.parametrize("trace", [False, True], ids=["echoes", "traces"])
+def test_every_reading_arrives_exactly_once_over_a_bad_cable(
+    bench: Bench, cable: Callable[[], Cable], trace: bool
+) -> None:
+    bench.up, bench.down = cable(), cable()
+    for order in (ORDER, replace(ORDER, step=-3_000_000)):
+        assert_complete(bench.scanned(order, trace), order)
+    statistics = bench.session.statistics
+    assert statistics.rejected_blocks > 0
+    assert statistics.lost_readings == 0
+    # the board measured each reading once: a lost frame causes no new measurement
+    assert len(bench.echoes.pings) == 60 + 60
+
+
+def test_the_statistics_show_a_bad_cable_only(bench: Bench) -> None:
+    bad = Bench().connect()
+    bad.up = dropping(5, 1 / 200)
+    for one in (bench, bad):
+        one.scanned(ORDER)
+    clean, poor = bench.session.statistics, bad.session.statistics
+    assert (clean.rejected_blocks, clean.missing_frames, clean.resends, clean.repeated_commands) == (0, 0, 0, 0)
+    assert min(poor.rejected_blocks, poor.missing_frames, poor.resends) > 0
+    assert 0 < clean.frames_sent < 10 + bench.now / SIGN_OF_LIFE
+
+
+def test_traces_arrive_complete_over_a_good_cable(bench: Bench) -> None:
+    for reading in bench.scanned(ORDER, trace=True):
+        assert reading.trace is not None
+        assert reading.trace.rate == pytest.approx(50_000)
+        np.testing.assert_allclose(reading.trace.samples, np.linspace(0, 1, 3125), atol=0.5 / 255 + 1e-12)
+
+
+@pytest.mark.parametrize(
+    "kind", [Accepted, Started, Finished, Settings, ReadingMessage], ids=lambda kind: kind.__name__
+)
+def test_a_lost_message_is_recovered(bench: Bench, kind: type[Message]) -> None:
+    bench.do(homing())
+    bench.up = without_first(kind)
+    bench.do(configuring(TRACES))
+    assert bench.do(turning(Turn(90_000_000))).result is Outcome.DONE
+    assert_complete(bench.scanned(ORDER))
+    statistics = bench.session.statistics
+    assert (statistics.repeated_commands, statistics.resends) == ((0, 1) if kind is ReadingMessage else (1, 0))
+
+
+def test_a_lost_reading_is_requested_at_the_next_heartbeat_and_again_after_a_while(bench: Bench) -> None:
+    requests: list[float] = []
+    bench.do(homing())
+
+    def noting(data: bytes) -> bytes:
+        frames = [frame for frame in FrameDecoder().feed(data) if isinstance(frame, Frame)]
+        requests.extend(bench.now for frame in frames if frame.type == Resend.TYPE)
+        return data
+
+    bench.down = noting
+    bench.up = without_first(ReadingMessage)
+    scan = bench.scan(StartScan(0, 120_000_000, 3, 1, 1))  # 0.75 s between readings
+    bench.until(lambda: scan.readings)
+    assert (scan.readings[0].number, len(bench.echoes.pings), len(requests)) == (0, 1, 1)
+    bench.up = without(lambda message: isinstance(message, ReadingMessage | Heartbeat))
+    bench.until(lambda: len(requests) == 3)
+    assert requests[2] - requests[1] == pytest.approx(ASK_AGAIN, abs=1e-3)
+
+
+def test_readings_lost_just_before_the_end_of_the_scan_are_requested(bench: Bench) -> None:
+    """Finished states how many readings the board has made."""
+    numbers: list[int] = []
+
+    def unwanted(message: Message) -> bool:
+        if isinstance(message, ReadingMessage):
+            numbers.append(message.number)
+        late = isinstance(message, ReadingMessage) and message.number >= 58 and numbers.count(message.number) == 1
+        return late or isinstance(message, Heartbeat)
+
+    bench.up = without(unwanted)
+    assert_complete(bench.scanned(ORDER))
+    assert numbers.count(0) == 1
+
+
+def test_late_messages_of_an_earlier_scan_or_conversation_change_nothing(bench: Bench) -> None:
+    late: list[bytes] = []
+    lost = without(lambda message: isinstance(message, ReadingMessage) and message.number == 3)
+
+    def keeping(data: bytes) -> bytes:
+        frames = [frame for frame in FrameDecoder().feed(data) if isinstance(frame, Frame)]
+        late.extend(encode_frame(frame) for frame in frames if frame.type == ReadingMessage.TYPE)
+        return lost(data)
+
+    bench.up = keeping
+    first = bench.scan(StartScan(0, 1_000_000, 5, 1, 1), readings=4)
+    bench.session.stop(first, bench.now)
+    bench.until(lambda: first.done)
+    bench.up = lambda data: data
+    stale = Settings(command=4711, listen_us=1, blanking_us=0, trace=1, speed_of_sound=1)
+    second = bench.session.start(scanning(StartScan(90_000_000, 1_000_000, 5, 1, 1)), bench.now)
+    bench.session.receive(b"\0".join([encode_frame(Frame(stale.TYPE, 0, 0, stale.pack())), *late]), bench.now)
+    bench.until(lambda: second.done)
+    assert [math.degrees(reading.angle) for reading in second.readings] == pytest.approx([90, 91, 92, 93, 94])
+    assert [reading.speed_of_sound for reading in second.readings] == pytest.approx([344.8] * 5, abs=0.1)
+
+
+def test_command_numbers_continue_at_0_after_65535() -> None:
+    class Last(random.Random):
+        def randrange(self, *_: object) -> int:
+            return 65_534
+
+    bench = Bench()
+    bench.session = Session("the port", rng=Last())
+    bench.session.connect(0.0)
+    assert_complete(bench.connect().scanned(ORDER))
+
+
+@pytest.mark.parametrize(
+    ("cable", "message", "seconds"),
+    [
+        (lambda data: b"", "no byte received", SILENCE),
+        (lambda data: b"rubbish" * 9, "no valid message", NO_MESSAGE),
+        (without(lambda message: isinstance(message, Accepted)), "no answer to Turn after 6 tries", 3.0),
+        (without(lambda message: isinstance(message, Finished)), "sends no Finished for Turn; start it again", 5.2),
+    ],
+)
+def test_what_does_not_arrive_is_named_after_its_time(bench: Bench, cable: Cable, message: str, seconds: float) -> None:
+    bench.do(homing())
+    bench.up = cable
+    turn, began = bench.session.start(turning(Turn(1_000_000)), bench.now), bench.now
+    bench.until(lambda: turn.error or bench.session.loss)
+    assert bench.now - began == pytest.approx(seconds, abs=0.5)
+    assert message in str(turn.error or bench.session.loss)
+
+
+# an unplugged cable
+
+
 def test_random_unplugs_lose_no_reading_and_each_is_detected_within_a_second(count: Count) -> None:
     chance = random.Random(1)
     unplugs = 0
-    while unplugs < count(50, 200):
-        seen = scan_with_unplugs(Bench(seed=unplugs).connect(), chance)  # checks the scan and each unplug
-        assert seen > 0
-        unplugs += seen
+    while unplugs < count(15, 200):
+        unplugs += unplugs_of_a_scan(Bench(seed=unplugs).connect(), chance)
 
 
-def scan_with_unplugs(bench: Bench, chance: random.Random) -> int:
+def unplugs_of_a_scan(bench: Bench, chance: random.Random) -> int:
     """Scan and pull the cable five times; return the number of unplugs before the scan was done."""
     scan, unplugs = bench.scan(ORDER), 0
     for _ in range(5):
@@ -61,89 +245,54 @@ def scan_with_unplugs(bench: Bench, chance: random.Random) -> int:
             assert bench.now - pulled <= 1.0
     bench.until(lambda: scan.done)
     assert scan.result is Outcome.DONE
-    assert_complete([*scan.readings])
+    assert_complete(scan.readings)
+    assert unplugs > 0
     return unplugs
 
 
-@pytest.mark.parametrize("cable", [dropping, flipping])
-@pytest.mark.parametrize("trace", [False, True])
-def test_one_fault_in_ten_thousand_bytes_loses_no_reading(cable: type[object], trace: bool) -> None:
-    bench = Bench().connect()
-    bench.up, bench.down = cable(5, 1e-4), cable(6, 1e-4)  # type: ignore[call-arg]
-    bench.run(configuring(Configure(62_500, 2_380, int(trace), 343_200)))
-    order = StartScan(0, 1_000_000, 360, 1, 1)
-    scan = bench.run(scanning(order))
-    assert scan.error is None
-    assert_complete([*scan.readings], order)
-    statistics = bench.session.statistics
-    assert statistics.rejected_blocks > 0
-    assert statistics.lost_readings == 0
-
-
-def test_readings_that_the_device_no_longer_keeps_are_measured_again() -> None:
-    bench = Bench().connect()
-    scan = bench.scan(ORDER)
-    bench.until(lambda: len(scan.readings) == 5)
+def test_readings_that_the_device_no_longer_keeps_are_measured_again(bench: Bench) -> None:
+    scan = bench.scan(ORDER, readings=5)
     # these readings are lost until the device no longer keeps them
     bench.up = without(lambda message: isinstance(message, ReadingMessage) and 10 <= message.number < 13)
     bench.until(lambda: bench.session.statistics.lost_readings == 3)
     bench.up = lambda data: data
     bench.until(lambda: scan.done)
-    assert_complete([*scan.readings])
+    assert_complete(scan.readings)
     assert [reading.number for reading in scan.readings][-3:] == [10, 11, 12]
 
 
-def test_after_a_reset_during_a_scan_settings_and_zero_are_restored() -> None:
-    bench = Bench().connect()
-    bench.run(configuring(TRACES))
-    bench.run(configuring_turntable(ConfigureTurntable(90_000_000, 0, 30_000, 1)))
-    scan = bench.scan(ORDER)
-    bench.until(lambda: len(scan.readings) == 7)
+def test_after_a_reset_during_a_scan_settings_and_zero_are_restored(bench: Bench) -> None:
+    bench.do(configuring(TRACES))
+    bench.do(configuring_turntable(ConfigureTurntable(90_000_000, 0, 30_000, 1)))
+    scan = bench.scan(ORDER, readings=7)
     bench.reset()
-    reset = bench.now
-    bench.until(lambda: bench.session.state not in CONNECTED)
-    assert bench.now - reset <= 1.0
     bench.until(lambda: scan.done)
-    assert_complete([*scan.readings])
+    assert_complete(scan.readings)
     assert all(reading.trace is not None for reading in scan.readings)
-    assert bench.board._turntable.speed == pytest.approx(math.pi / 2)
+    began = bench.now
+    bench.do(turning(Turn(270_000_000)))
+    assert bench.now - began > 1.9  # at 90°/s
     statistics = bench.session.statistics
     assert (statistics.losses, statistics.reopened, statistics.resets) == (1, 0, 1)
-    times = [reading.time for reading in scan.readings]
-    assert times == sorted(times)
 
 
-def test_time_after_a_reset_follows_the_clock_of_the_host() -> None:
-    bench = Bench().connect()
-    scan = bench.scan(ORDER)
-    bench.until(lambda: len(scan.readings) == 7)
+def test_time_after_a_reset_follows_the_clock_of_the_host(bench: Bench) -> None:
+    scan = bench.scan(ORDER, readings=7)
     bench.pull(4.0, power=True)
     bench.until(lambda: scan.done)
-    times = [reading.time for reading in scan.readings]
-    gap = max(later - earlier for earlier, later in itertools.pairwise(times))
-    assert 4.0 < gap < 12.0
-    hosts = [reading.host_time for reading in scan.readings]
-    for time, host in zip(times, hosts, strict=True):
-        assert host is not None
-        assert host - hosts[0] == pytest.approx(time - times[0], abs=0.05)  # type: ignore[operator]
+    times = np.array([reading.time for reading in scan.readings])
+    hosts = np.array([reading.host_time for reading in scan.readings], float)
+    assert 4.0 < np.diff(times).max() < 12.0
+    assert np.diff(times).min() > 0
+    assert hosts - hosts[0] == pytest.approx(times - times[0], abs=0.05)
 
 
-def test_a_short_unplug_needs_no_new_homing() -> None:
-    bench = Bench().connect()
-    scan = bench.scan(ORDER)
-    bench.until(lambda: len(scan.readings) == 7)
+def test_the_motor_is_held_while_the_host_sends_and_released_when_it_is_silent(bench: Bench) -> None:
+    scan = bench.scan(ORDER, readings=7)
     bench.pull(0.5)
-    homed = []
-    bench.until(lambda: homed.append(bench.board.zero) or scan.done)  # type: ignore[func-returns-value]
-    assert all(homed)
-    assert_complete([*scan.readings])
-
-
-def test_the_motor_is_held_while_the_host_sends_and_released_when_it_is_silent() -> None:
-    bench = Bench().connect()
-    bench.run(homing())
-    start = bench.now
-    bench.until(lambda: bench.now > start + 10)
+    bench.until(lambda: not bench.board.zero or scan.done)
+    assert_complete(scan.readings)  # without a new homing
+    bench.wait(10.0)
     assert bench.board.zero
     bench.pull(1e6, port_vanishes=False)
     pulled = bench.now
@@ -152,86 +301,71 @@ def test_the_motor_is_held_while_the_host_sends_and_released_when_it_is_silent()
 
 
 def test_a_device_of_version_1_0_gets_no_keepalive_and_continues_after_an_unplug() -> None:
-    bench = Bench(BoardIdentity(serial="OLD", minor=0)).connect()
+    bench = Bench(identity=BoardIdentity(serial="OLD", minor=0)).connect()
     assert bench.session.device.capabilities is None
-    scan = bench.scan(ORDER)
-    bench.until(lambda: len(scan.readings) == 20)
+    scan = bench.scan(ORDER, readings=20)
     bench.pull(1.0, power=True)
     bench.until(lambda: scan.done)
-    assert_complete([*scan.readings])
+    assert_complete(scan.readings)
     # the old firmware received no unknown command
-    assert bench.board.statistics(0).rejected == 0
-    assert bench.session.statistics.rejected_messages == 0
+    assert bench.board.statistics(0).rejected == bench.session.statistics.rejected_messages == 0
 
 
-def test_a_device_of_version_1_1_is_not_sent_what_it_would_misinterpret() -> None:
-    bench = Bench(BoardIdentity(minor=1)).connect()
-    for job, needs in (
-        (scanning(start_scan(pings_in_place(2))), r"protocol 1\.1, a ping without homing needs 1\.2"),
-        (zeroing(), r"protocol 1\.1, a zero that is set by hand needs 1\.2"),
-    ):
-        with pytest.raises(DeviceError, match=needs):
-            raise bench.run(job).error or AssertionError
-        assert bench.board.zero is Zero.UNKNOWN
-    bench.run(homing())
-    assert bench.board.zero is Zero.MARK
+@pytest.mark.parametrize(
+    ("job", "needs"),
+    [
+        (lambda: scanning(start_scan(pings_in_place(2))), r"protocol 1\.1, a ping without homing needs 1\.2"),
+        (zeroing, r"protocol 1\.1, a zero that is set by hand needs 1\.2"),
+    ],
+)
+def test_a_device_of_version_1_1_is_not_sent_what_it_would_misinterpret(job: Callable[[], Job], needs: str) -> None:
+    bench = Bench(identity=BoardIdentity(minor=1)).connect()
+    with pytest.raises(DeviceError, match=needs):
+        bench.do(job())
+    assert bench.board.zero is Zero.UNKNOWN
 
 
-def test_a_zero_set_by_hand_is_not_replaced_by_homing_after_a_reset() -> None:
-    bench = Bench().connect()
-    bench.run(zeroing())
-    scan = bench.scan(ORDER)
-    bench.until(lambda: len(scan.readings) == 7)
+def test_a_zero_set_by_hand_is_not_replaced_by_homing_after_a_reset(bench: Bench) -> None:
+    bench.do(zeroing())
+    scan = bench.scan(ORDER, readings=7)
     bench.reset()
     bench.until(lambda: scan.done)
     assert "lost the zero that was set by hand" in str(scan.error)
     assert bench.board.zero is Zero.UNKNOWN
 
 
-def test_after_a_reset_pings_in_place_continue_without_homing() -> None:
-    bench = Bench().connect()
-    bench.run(homing())
-    scan = bench.scan(start_scan(pings_in_place(20)))
-    bench.until(lambda: len(scan.readings) == 7)
+def test_after_a_reset_pings_in_place_continue_without_homing(bench: Bench) -> None:
+    bench.do(homing())
+    scan = bench.scan(start_scan(pings_in_place(20)), readings=7)
     bench.reset()
     bench.until(lambda: scan.done)
-    assert scan.result is Outcome.DONE
     assert sorted(reading.number for reading in scan.readings) == list(range(20))
     assert bench.board.zero is Zero.UNKNOWN
 
 
-def test_another_device_at_the_same_usb_socket_is_refused() -> None:
+@pytest.mark.parametrize("returns", [False, True])
+def test_another_device_at_the_same_usb_socket_is_refused_until_the_right_one_returns(returns: bool) -> None:
     bench = Bench(reconnect=20.0).connect()
-    scan = bench.scan(ORDER)
-    bench.until(lambda: len(scan.readings) == 5)
+    scan = bench.scan(ORDER, readings=5)
     bench.pull(1.0)
     bench.until(lambda: bench.pulled is not None)
     bench.reset(serial="FAKE-0008")
+    if returns:
+        bench.wait(4.0)
+        bench.reset(serial="FAKE-0007")
     bench.until(lambda: scan.done)
-    assert isinstance(scan.error, WrongDevice)
-    assert "FAKE-0008" in str(scan.error)
-    assert "FAKE-0007" in str(scan.error)
-    assert len(scan.readings) < 10
-
-
-def test_the_scan_continues_when_the_right_device_returns_after_another_one() -> None:
-    bench = Bench().connect()
-    scan = bench.scan(ORDER)
-    bench.until(lambda: len(scan.readings) == 5)
-    bench.pull(1.0)
-    bench.until(lambda: bench.pulled is not None)
-    bench.reset(serial="FAKE-0008")
-    started = bench.now
-    bench.until(lambda: bench.now > started + 4)
-    bench.reset(serial="FAKE-0007")
-    bench.until(lambda: scan.done)
-    assert_complete([*scan.readings])
+    if returns:
+        assert_complete(scan.readings)
+    else:
+        assert isinstance(scan.error, WrongDevice)
+        assert "FAKE-0008" in str(scan.error)
+        assert "FAKE-0007" in str(scan.error)
+        assert len(scan.readings) < 10
 
 
 def test_a_device_that_does_not_return_is_an_error_after_the_set_time() -> None:
     bench = Bench(reconnect=10.0).connect()
-    scan = bench.scan(ORDER)
-    bench.until(lambda: len(scan.readings) == 5)
+    scan = bench.scan(ORDER, readings=5)
     bench.pull(1e6)
     pulled = bench.now
     bench.until(lambda: scan.done)
@@ -252,169 +386,214 @@ def test_ten_losses_without_a_reading_are_an_error() -> None:
     assert "it has restarted; the scanner was lost 10 times in a row" in str(scan.error)
 
 
-def test_pauses_between_attempts_grow() -> None:
-    bench = Bench(reconnect=60.0).connect()
+def test_pauses_between_attempts_grow_to_4_s_and_an_idle_session_never_gives_up() -> None:
+    bench = Bench(reconnect=5.0).connect()
+    bench.do(homing())
+    bench.pull(100.0, power=True)
     tries: list[float] = []
     fail = bench.session.open_failed
     bench.session.open_failed = lambda error, now: (tries.append(now), fail(error, now))[1]  # type: ignore[method-assign]
-    bench.pull(1e6)
-    began = bench.now
-    bench.until(lambda: bench.now > began + 30)
-    gaps = [later - earlier for earlier, later in itertools.pairwise(tries)]
-    assert gaps[:4] == pytest.approx([0.5, 1.0, 2.0, 4.0])
-    assert gaps[4:] == pytest.approx([4.0] * len(gaps[4:]))
-
-
-def test_an_idle_session_reconnects_after_any_time() -> None:
-    bench = Bench(reconnect=5.0).connect()
-    bench.run(homing())
-    bench.pull(100.0, power=True)
     bench.until(lambda: bench.session.state is Connection.LOST)
     bench.until(lambda: bench.session.state is Connection.READY, within=200)
-    assert bench.run(turning(Turn(5_000_000))).result is Outcome.DONE
+    assert np.diff(tries)[:5] == pytest.approx([0.5, 1.0, 2.0, 4.0, 4.0])
+    assert np.diff(tries)[5:].max() == pytest.approx(4.0)
+    assert bench.do(turning(Turn(5_000_000))).result is Outcome.DONE
 
 
-def test_a_job_started_while_the_device_is_lost_runs_after_its_return() -> None:
-    bench = Bench().connect()
+def test_jobs_while_the_device_is_lost_wait_or_are_stopped(bench: Bench) -> None:
     bench.pull(5.0)
     bench.until(lambda: bench.session.state is Connection.LOST)
-    scan = bench.run(scanning(ORDER))
-    assert_complete([*scan.readings])
-
-
-def test_stopping_a_scan_while_the_link_is_lost_ends_it() -> None:
-    bench = Bench().connect()
-    scan = bench.scan(ORDER)
-    bench.until(lambda: len(scan.readings) == 5)
-    bench.pull(1e6)
-    bench.until(lambda: bench.session.state is Connection.LOST)
-    bench.session.stop(scan, bench.now)
-    assert scan.done
-    assert scan.result is Outcome.STOPPED
-
-
-def test_stopping_a_waiting_job_while_the_link_is_lost_keeps_the_running_one() -> None:
-    bench = Bench().connect()
     scan = bench.scan(ORDER)
     waiting = bench.session.start(turning(Turn(90_000_000)), bench.now)
-    bench.until(lambda: len(scan.readings) == 5)
-    bench.pull(2.0)
-    bench.until(lambda: bench.session.state is Connection.LOST)
     bench.session.stop(waiting, bench.now)
     assert (waiting.done, waiting.result, scan.done) == (True, Outcome.STOPPED, False)
     bench.until(lambda: scan.done)
-    assert_complete([*scan.readings])
-    assert bench.run(turning(Turn(0))).result is Outcome.DONE
+    assert_complete(scan.readings)
+    again = bench.scan(ORDER, readings=5)
+    bench.pull(1e6)
+    bench.until(lambda: bench.session.state is Connection.LOST)
+    bench.session.stop(again, bench.now)
+    assert (again.done, again.result) == (True, Outcome.STOPPED)
 
 
-def test_the_session_is_moving_only_while_the_turntable_moves() -> None:
-    bench = Bench().connect()
-    configured = bench.session.start(configuring(TRACES), bench.now)
-    states = set()
-    while not configured.done:
-        states.add(bench.session.state)
-        bench.step()
-    assert states == {Connection.READY}
-    bench.run(homing())
-    turned = bench.session.start(turning(Turn(90_000_000)), bench.now)
-    while not turned.done:
-        states.add(bench.session.state)
-        bench.step()
-    assert states == {Connection.READY, Connection.MOVING}
+# jobs
+
+
+def test_the_session_is_moving_only_while_the_turntable_moves(bench: Bench) -> None:
+    def states(job: Job) -> set[Connection]:
+        started, seen = bench.session.start(job, bench.now), set()
+        while not started.done:
+            seen.add(bench.session.state)
+            bench.step()
+        return seen
+
+    assert states(configuring(TRACES)) == {Connection.READY}
+    bench.do(homing())
+    assert Connection.MOVING in states(turning(Turn(90_000_000)))
     assert bench.session.state is Connection.READY
 
 
-def test_turning_and_scanning_home_first() -> None:
-    bench = Bench().connect()
-    assert bench.run(turning(Turn(1_000_000))).result is Outcome.DONE
-    other = Bench(seed=9).connect()
-    assert_complete([*other.run(scanning(ORDER)).readings])
-
-
-def test_a_refused_request_is_an_error_and_the_next_one_is_served() -> None:
-    bench = Bench().connect()
+def test_turning_and_scanning_home_first_and_a_refusal_ends_its_job_only(bench: Bench) -> None:
     refused = bench.run(turning(Turn(800_000_000)))
     assert isinstance(refused.error, CommandRefused)
-    assert bench.run(turning(Turn(80_000_000))).result is Outcome.DONE
+    assert bench.do(turning(Turn(80_000_000))).result is Outcome.DONE
+    assert_complete(Bench(seed=9).connect().scanned(ORDER))
 
 
-def test_a_jammed_turntable_is_a_fault_and_not_a_lost_link() -> None:
-    bench = Bench().connect()
-    bench.board.wedge(5.0)
-    home = bench.run(homing())
-    assert isinstance(home.error, DeviceError)
-    assert "zero mark" in str(home.error)
-    assert bench.session.statistics.losses == 0
-
-
-def test_a_turntable_jammed_after_a_reset_is_a_fault_and_the_session_continues() -> None:
-    bench = Bench().connect()
-    scan = bench.scan(ORDER)
-    bench.until(lambda: len(scan.readings) == 5)
-    bench.reset()
+@pytest.mark.parametrize("during_a_scan", [False, True])
+def test_a_jammed_turntable_is_a_fault_and_not_a_lost_link(bench: Bench, during_a_scan: bool) -> None:
+    scan = bench.scan(ORDER, readings=5) if during_a_scan else None
+    if scan:
+        bench.reset()
     bench.board.wedge(8.0)
-    reset = bench.now
-    bench.until(lambda: scan.done)
-    assert isinstance(scan.error, DeviceError)
-    assert "zero mark" in str(scan.error)
-    assert bench.now - reset < 5.0
-    assert bench.session.state is Connection.READY
-    bench.until(lambda: bench.now > reset + 9.0)
-    assert_complete([*bench.run(scanning(ORDER)).readings])
+    jammed = bench.now
+    job = scan or bench.session.start(homing(), bench.now)
+    bench.until(lambda: job.done)
+    assert isinstance(job.error, DeviceError)
+    assert "zero mark" in str(job.error)
+    assert bench.now - jammed < 5.0
+    assert (bench.session.state, bench.session.statistics.losses) == (Connection.READY, int(during_a_scan))
+    bench.wait(9.0)
+    assert_complete(bench.scanned(ORDER))
 
 
-def test_homing_without_an_end_is_stopped_with_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    bench = Bench().connect()
+def test_homing_without_an_end_is_stopped_with_an_error(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bench.board._turntable, "home", lambda now: now + 1e6)
-    home = bench.session.start(homing(), bench.now)
-    bench.until(lambda: home.done, within=MOVE_WITHIN + 5)
-    assert isinstance(home.error, DeviceError)
-    assert "check that the turntable can move freely" in str(home.error)
+    with pytest.raises(DeviceError, match="check that the turntable can move freely"):
+        bench.do(homing(), within=MOVE_WITHIN + 5)
     assert not bench.board.busy
 
 
-def test_a_recorder_that_fails_ends_its_job_and_stops_the_board() -> None:
-    class FullDisk:
-        def frame(self, received: bool, time: float, wire: bytes) -> None:
-            pass
+class Counting:
+    """A recorder that counts frames. Its disk may be full."""
 
-        def reading(self, reading: Reading) -> None:
+    def __init__(self, full: bool = False) -> None:
+        self.frames, self._full = 0, full
+
+    def frame(self, received: bool, time: float, wire: bytes) -> None:
+        self.frames += 1
+
+    def reading(self, reading: Reading) -> None:
+        if self._full:
             raise LogError("no space left")
 
-    bench = Bench().connect()
-    bench.session.recording.use(FullDisk())
+
+def test_a_recorder_that_fails_ends_its_job_and_stops_the_board(bench: Bench) -> None:
+    bench.session.recording.use(Counting(full=True))
     scan = bench.scan(ORDER)
     bench.until(lambda: scan.done)
     assert isinstance(scan.error, LogError)
     bench.until(lambda: not bench.board.busy)
-    assert_complete([*bench.run(scanning(ORDER)).readings])
+    assert_complete(bench.scanned(ORDER))
 
 
-def test_a_recorder_receives_nothing_between_jobs() -> None:
-    class Counting:
-        def __init__(self) -> None:
-            self.frames = 0
-
-        def frame(self, received: bool, time: float, wire: bytes) -> None:
-            self.frames += 1
-
-        def reading(self, reading: Reading) -> None:
-            pass
-
-    bench, recorder = Bench().connect(), Counting()
+def test_a_recorder_receives_nothing_between_jobs(bench: Bench) -> None:
+    recorder = Counting()
     bench.session.recording.use(recorder)
     assert recorder.frames == 3  # the greeting
-    bench.run(homing())
-    count, now = recorder.frames, bench.now
+    bench.do(homing())
+    count = recorder.frames
     assert count > 5
-    bench.until(lambda: bench.now > now + 5)
+    bench.wait(5.0)
     assert recorder.frames == count
 
 
-def test_a_missing_scanner_and_another_major_version_are_reported_at_once() -> None:
-    silent = Bench()
-    silent.up = lambda data: b""
-    assert isinstance(silent.connect().session.failed, NoAnswer)
-    newer = Bench(BoardIdentity(major=2, minor=0)).connect()
-    assert isinstance(newer.session.failed, Incompatible)
-    assert newer.session.state is Connection.DISCONNECTED
+@pytest.mark.parametrize(
+    ("identity", "cable", "error"),
+    [(BoardIdentity(), lambda data: b"", NoAnswer), (BoardIdentity(major=2, minor=0), lambda data: data, Incompatible)],
+)
+def test_a_missing_scanner_and_another_major_version_are_reported_at_once(
+    identity: BoardIdentity, cable: Cable, error: type[SonarError]
+) -> None:
+    bench = Bench(identity=identity)
+    bench.up = cable
+    assert isinstance(bench.connect().session.failed, error)
+    assert bench.session.state is Connection.DISCONNECTED
+    assert bench.now == pytest.approx(10.0 if error is NoAnswer else 0.0, abs=0.1)
+
+
+# the speed of the line, and its greeting
+
+FAST = BoardIdentity(serial="FAST", bauds=(250_000, 500_000, 1_000_000))
+
+
+@pytest.mark.parametrize("clean_down", [False, True], ids=["damaged in both directions", "damaged to the host"])
+@pytest.mark.parametrize("clean_up_to", [250_000, 500_000, 1_000_000])
+def test_the_line_uses_the_highest_speed_without_errors(clean_up_to: int, clean_down: bool) -> None:
+    bench = Bench(identity=FAST, bauds=True)
+    bench.highest_clean_baud, bench.clean_down = clean_up_to, clean_down
+    bench.connect()
+    assert bench.session.device.baud == bench.board.line.baud == clean_up_to
+    assert bench.now < 10
+    assert_complete(bench.scanned(ORDER))
+
+
+def test_a_speed_that_failed_is_not_used_in_a_later_conversation() -> None:
+    bench = Bench(identity=FAST, bauds=True)
+    bench.highest_clean_baud, bench.clean_down = 500_000, True
+    bench.connect()
+    bench.board.line.change(1_000_000)
+    bench.highest_clean_baud = 1_000_000
+    bench.until(lambda: bench.session.state is not Connection.READY)
+    bench.connect()
+    assert bench.session.device.baud == bench.board.line.baud == 500_000
+
+
+def test_a_device_that_was_reset_is_found_again_at_its_first_speed() -> None:
+    bench = Bench(identity=FAST, bauds=True).connect()
+    scan = bench.scan(ORDER, readings=5)
+    bench.reset()
+    bench.until(lambda: scan.done)
+    assert_complete(scan.readings)
+    assert bench.board.line.baud == 1_000_000
+
+
+def test_a_device_left_at_a_higher_speed_is_found_and_errors_before_that_are_not_counted() -> None:
+    bench = Bench(identity=FAST, bauds=True)
+    bench.board.line.change(1_000_000)
+    bench.connect()
+    assert bench.session.state is Connection.READY
+    counted = bench.session.statistics
+    assert (counted.rejected_blocks, counted.missing_frames, counted.repeated_commands) == (0, 0, 0)
+    assert Bench(identity=FAST).connect().board.line.baud == 250_000  # a line whose speed cannot be set
+
+
+def greetings(session: Session, times: Sequence[float]) -> list[tuple[float, int]]:
+    """Return time and speed of each greeting that the session sends at these times."""
+    sent = []
+    for now in times:
+        session.advance(now)
+        if session.outgoing():
+            sent.append((now, session.device.baud))
+    return sent
+
+
+BEAT = encode_frame(Frame(Heartbeat.TYPE, 5, 0, Heartbeat(0, 0, 0, 2000).pack()))
+TENTHS = [tenth / 10 for tenth in range(60)]
+
+
+def opened(**line: float) -> Session:
+    session = Session("the port", rng=random.Random(1))
+    session.connect(0.0)
+    session.opened(0.0, **line)
+    return session
+
+
+def test_a_first_greeting_tries_each_speed_three_times_and_that_of_an_arriving_frame_again() -> None:
+    session = opened(bauds=True)
+    bauds = [baud for _, baud in greetings(session, [tenth / 10 for tenth in range(400)])]
+    assert isinstance(session.failed, NoAnswer)
+    rounds = [baud for baud, _ in itertools.groupby(bauds)]
+    assert min(map(rounds.count, set(rounds))) >= 3
+    session = opened(bauds=True)
+    greetings(session, TENTHS[:1])
+    session.receive(BEAT, 0.7)  # the device returned to its first speed
+    assert [baud for _, baud in greetings(session, TENTHS[7:25])][:4] == [250_000, 250_000, 250_000, 1_000_000]
+
+
+def test_a_possible_bootloader_receives_nothing_for_two_seconds_unless_the_device_already_sends() -> None:
+    session = opened(quiet=BOOTLOADER)
+    assert [now for now, _ in greetings(session, TENTHS)][:2] == pytest.approx([2.0, 2.5])
+    session = opened(quiet=BOOTLOADER)
+    session.receive(BEAT, 0.3)
+    assert session.outgoing()

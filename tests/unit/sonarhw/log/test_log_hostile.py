@@ -110,7 +110,7 @@ def peak(action: Callable[[], object]) -> int:
 
 def test_a_compressed_index_is_not_decompressed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def large(columns: Arrays, _head: Arrays) -> None:
-        columns["0/angle"] = np.zeros(8_000_000)
+        columns["0/angle"] = np.zeros(4_000_000)
 
     path = tmp_path / "scan.mcap"
     log_with_index(path, monkeypatch, large, compressed=True)
@@ -161,7 +161,7 @@ def test_an_index_that_lists_the_same_bytes_many_times_is_not_read(monkeypatch: 
     assert read == []
 
 
-@pytest.mark.parametrize("length", [2**29, 2**40, 10**15, 2**63, 2**64 - 1])
+@pytest.mark.parametrize("length", [2**29, 10**15, 2**64 - 1])
 def test_a_declared_length_of_a_record_is_not_allocated(tmp_path: Path, length: int) -> None:
     path = tmp_path / "scan.mcap"
     write_example(path, COUNT)

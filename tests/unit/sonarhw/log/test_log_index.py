@@ -17,11 +17,11 @@ from sonarhw.errors import NotALog
 from sonarhw.log import Log, LogWriter, RecordedFrame, copy_log, read_log
 from sonarhw.log.writer import write_scan
 from sonarhw.readings import Reading, Trace
-from sonarhw.wire.frames import Frame, decode_block
 from sonarhw.wire.messages import Finished, Hello, Info, Settings, Started, StartScan, TraceChunk
 from sonarhw.wire.readings_of_frames import reading_message, trace_chunks
 from tests.fixtures.example_logs import METADATA, SPEED, STARTED, assert_readings_close, example_reading, write_example
-from tests.unit.sonarhw.log.test_log import frame_of
+from tests.oracles.mcap_doctor import complaints
+from tests.unit.sonarhw.log.test_log import frame_of, reading_frame
 
 Conversation = list[tuple[bool, bytes]]
 SOUND = round(SPEED * 1000)
@@ -72,16 +72,35 @@ def continued() -> Conversation:
     return [SETTINGS, *whole[:third], *again]
 
 
-CONVERSATIONS: dict[str, Callable[[], Conversation]] = {
-    "one scan": lambda: [SETTINGS, *conversation()],
-    "two scans": lambda: [SETTINGS, *conversation(), *conversation(command=8, began=3.0)],
-    "no settings": conversation,
-    "no host": lambda: [SETTINGS, *conversation()[1:]],
-    "a repeated answer": lambda: [SETTINGS, *conversation(), *conversation()[1:]],
-    "a resent reading": resent,
-    "a scan continued after a reset": continued,
-    "nothing at all": list,
-    "a request without an answer": lambda: [SETTINGS, (False, frame_of(REQUEST, 7))],
+def repeated() -> Conversation:
+    """Return a scan whose Started and first reading arrive again, with its second reading after its third."""
+    request, started, *frames, end = conversation()
+    first, second, *others = (frames[at : at + 4] for at in range(0, len(frames), 4))
+    return [SETTINGS, request, started, *first, started, *others[0], *second, *others[1], *first, end, started]
+
+
+def delayed() -> Conversation:
+    """Return a scan whose Started arrives after its first reading, for the repeated request."""
+    request, started, *frames = conversation()
+    return [SETTINGS, request, *frames[:4], request, started, *frames[4:]]
+
+
+# the conversation, and the numbers of the readings of each scan in it
+CONVERSATIONS: dict[str, tuple[Callable[[], Conversation], list[list[int]]]] = {
+    "one scan": (lambda: [SETTINGS, *conversation()], [[0, 1, 2, 3]]),
+    "two scans": (lambda: [SETTINGS, *conversation(), *conversation(command=8, began=3.0)], [[0, 1, 2, 3]] * 2),
+    "no settings": (conversation, [[0, 1, 2, 3]]),
+    "no host": (lambda: [SETTINGS, *conversation()[1:]], [[0, 1, 2, 3]]),
+    "repeated answers": (repeated, [[0, 1, 2, 3]]),
+    "a delayed answer": (delayed, [[0, 1, 2, 3]]),
+    "the same command number after a greeting": (
+        lambda: [SETTINGS, *conversation(), (False, frame_of(Hello(1, 0), 6)), *conversation(began=3.0)],
+        [[0, 1, 2, 3]] * 2,
+    ),
+    "a resent reading": (resent, [[0, 1, 2, 3]]),
+    "a scan continued after a reset": (continued, [[0, 1, 2, 3]]),
+    "nothing at all": (list, []),
+    "a request without an answer": (lambda: [SETTINGS, (False, frame_of(REQUEST, 7))], []),
 }
 
 
@@ -123,20 +142,22 @@ def assert_equal(one: Log, other: Log) -> None:
                 assert np.array_equal(a.trace.samples, b.trace.samples, equal_nan=True)
 
 
-@pytest.mark.parametrize("frames", CONVERSATIONS.values(), ids=CONVERSATIONS.keys())
-def test_the_index_and_the_frames_give_the_same_log(
-    frames: Callable[[], Conversation], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("name", CONVERSATIONS)
+def test_the_index_and_the_frames_of_a_healthy_file_give_the_same_scans(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path = tmp_path / "scan.mcap"
+    path, (frames, numbers) = tmp_path / "scan.mcap", CONVERSATIONS[name]
     record(path, frames())
-    assert_equal(read_log(path), read_by_frames(path, monkeypatch))
-
-
-@pytest.mark.usefixtures("only_by_index")
-def test_a_closed_log_is_opened_without_reading_its_frames(tmp_path: Path) -> None:
-    written = write_example(tmp_path / "scan.mcap", trace=True)
-    for got, wanted in zip(read_log(tmp_path / "scan.mcap").readings, written, strict=True):
-        assert_readings_close(got, wanted)
+    log = read_log(path)
+    assert_equal(log, read_by_frames(path, monkeypatch))
+    assert [[reading.number for reading in scan.readings] for scan in log.scans] == numbers
+    assert complaints(path) == [] or name == "nothing at all"  # which has no chunks
+    for reading in log.readings:
+        wanted = example_reading(reading.number, trace=True).trace
+        assert wanted is not None
+        assert reading.trace is not None
+        assert np.abs(reading.trace.samples - wanted.samples).max() <= 0.5 / 255 + 1e-12
+        assert (reading.trace.rate, reading.trace.start) == pytest.approx((wanted.rate, wanted.start))
 
 
 @pytest.mark.usefixtures("only_by_index")
@@ -150,11 +171,24 @@ def test_the_index_contains_every_field_of_a_reading(tmp_path: Path) -> None:
     assert read.host_time == pytest.approx(STARTED, abs=0.1)
 
 
-def test_the_frames_of_a_written_scan_are_numbered_like_those_of_a_device(tmp_path: Path) -> None:
-    write_scan(tmp_path / "scan.mcap", METADATA, [example_reading(number, trace=True) for number in range(4)])
-    frames = [decode_block(frame.wire.strip(b"\0")) for frame in read_log(tmp_path / "scan.mcap").frames]
-    assert [frame.sequence for frame in frames if isinstance(frame, Frame)] == [*range(len(frames))]
-    assert len(frames) > 8
+def test_a_late_reading_of_the_previous_scan_is_left_out_of_the_next_scan(
+    tmp_path: Path,
+) -> None:
+    first = [(False, frame_of(REQUEST, 7)), (True, frame_of(Started(7, 2), time=1.0)), (True, reading_frame(0, 1.0))]
+    finished = (True, frame_of(Finished(7, 1, 1, ""), time=1.5))
+    again = [(False, frame_of(REQUEST, 8)), (True, frame_of(Started(8, 2), time=2.0))]
+    late = (True, reading_frame(1, 1.0))
+    record(tmp_path / "scan.mcap", [*first, finished, *again, late, (True, reading_frame(1, 2.0))])
+    scans = read_log(tmp_path / "scan.mcap").scans
+    assert [[round(r.time, 3) for r in scan.readings] for scan in scans] == [[1.0], [2.1]]
+
+
+def test_every_frame_is_kept_with_the_bytes_of_the_wire(tmp_path: Path) -> None:
+    hello = frame_of(Hello(1, 0), 3)
+    record(tmp_path / "scan.mcap", [(False, hello), (True, reading_frame(4))])
+    frames = [*read_log(tmp_path / "scan.mcap").frames]
+    assert [(frame.received, frame.wire) for frame in frames] == [(False, hello), (True, reading_frame(4))]
+    assert frames[1].time == pytest.approx(STARTED + 0.01, abs=1e-6)
 
 
 def test_a_scan_continued_after_a_reset_is_one_scan_on_one_clock(tmp_path: Path) -> None:
@@ -177,17 +211,6 @@ def test_a_sweep_continued_after_a_reset_is_one_laser_scan(tmp_path: Path) -> No
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
         sweeps = [scan for _, _, _, scan in reader.iter_decoded_messages(topics=["/scan"])]
     assert [len(sweep.ranges) for sweep in sweeps] == [4]
-
-
-def test_each_trace_equals_the_recorded_trace(tmp_path: Path) -> None:
-    for name, frames in CONVERSATIONS.items():
-        record(tmp_path / f"{name}.mcap", frames())
-        for reading in read_log(tmp_path / f"{name}.mcap").readings:
-            wanted = example_reading(reading.number, trace=True).trace
-            assert wanted is not None
-            assert reading.trace is not None, name
-            assert np.abs(reading.trace.samples - wanted.samples).max() <= 0.5 / 255 + 1e-12
-            assert (reading.trace.rate, reading.trace.start) == pytest.approx((wanted.rate, wanted.start))
 
 
 def test_a_lost_part_of_a_trace_is_a_gap(tmp_path: Path) -> None:

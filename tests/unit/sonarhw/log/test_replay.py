@@ -1,15 +1,15 @@
+"""A recorded log as a device. That it answers any message is tested in `tests/contract/test_any_message.py`."""
+
 import math
 from dataclasses import replace
-from pathlib import Path
+from itertools import pairwise
 
 import pytest
 
 from sonarhw.device.replayed_log import ReplayDevice
 from sonarhw.errors import InputError
-from sonarhw.host.driver import Driver
 from sonarhw.host.scripts import scanning
 from sonarhw.log import Log, read_log
-from sonarhw.log.writer import write_scan
 from sonarhw.readings import Reading
 from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
 from sonarhw.wire.messages import (
@@ -20,12 +20,10 @@ from sonarhw.wire.messages import (
     Hello,
     Home,
     Info,
-    Message,
     Outcome,
     ReadingMessage,
     Refusal,
     Refused,
-    Resend,
     Settings,
     Started,
     StartScan,
@@ -33,330 +31,153 @@ from sonarhw.wire.messages import (
     Stop,
     TraceChunk,
     Turn,
-    unpack_message,
 )
 from sonarhw.wire.readings_of_frames import ReadingAssembler
-from tests.fixtures.example_logs import METADATA, assert_readings_close, example_reading, write_example
-from tests.fixtures.joined import unchanged
-from tests.fixtures.pulled_cables import Bench
+from tests.contract.talk import DirectLine, Talk, readings
+from tests.fixtures.bench import Bench, unchanged
+from tests.fixtures.example_logs import assert_readings_close, write_example
 
 COUNT = 12
 CONFIGURE = Configure(listen_us=1000, blanking_us=0, trace=0, speed_of_sound=1)
 SCAN = StartScan(0, 5_000_000, COUNT, 1, 1)
-SWITCHED_ON = 1000.0  # time of the clock when the device is switched on, s
 
 
-class Host:
-    """A host with a virtual clock that keeps each received message with its time of arrival."""
-
-    def __init__(self, device: ReplayDevice) -> None:
-        self.device = device
-        self.now = SWITCHED_ON
-        self.received: list[tuple[float, Message]] = []
-        self.assembler = ReadingAssembler()
-        self.readings: list[Reading] = []
-        self._decoder = FrameDecoder()
-        self._sequence = 40
-
-    def send(self, message: Message, *, again: bool = False) -> int:
-        """Send a message, or with `again` repeat the last frame; return its sequence number."""
-        self._sequence += not again
-        frame = Frame(message.TYPE, self._sequence, 0, message.pack())
-        self.device.receive(encode_frame(frame), self.now)
-        return self._sequence
-
-    def wait(self, seconds: float) -> None:
-        """Advance the clock by `seconds`, event by event."""
-        end = self.now + seconds
-        while (event := self.device.next_event()) is not None and event <= end:
-            self.now = max(self.now, event)
-            self._take(self.device.advance(self.now))
-        self.now = end
-        self._take(self.device.advance(self.now))
-
-    def all(self, kind: type[Message]) -> list[Message]:
-        return [message for _, message in self.received if isinstance(message, kind)]
-
-    def times(self, kind: type[Message]) -> list[float]:
-        return [time for time, message in self.received if isinstance(message, kind)]
-
-    def _take(self, data: bytes) -> None:
-        for frame in self._decoder.feed(data):
-            assert isinstance(frame, Frame)
-            message = unpack_message(frame.type, frame.payload)
-            assert message is not None
-            self.received.append((self.now, message))
-            self.readings += self.assembler.feed(message)
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Log:
+    path = tmp_path_factory.mktemp("log") / "scan.mcap"
+    write_example(path, COUNT, trace=True)
+    return read_log(path)
 
 
-def recorded(folder: Path, *, trace: bool = False) -> Log:
-    write_example(folder / "scan.mcap", COUNT, trace=trace)
-    return read_log(folder / "scan.mcap")
+def greeted(device: ReplayDevice, configure: Configure | None = CONFIGURE) -> Talk:
+    line = DirectLine(device)
+    talk = Talk(line, line.clock)
+    talk.ask(Hello(1, 0), Info)
+    if configure:
+        talk.ask(configure, Settings)
+    return talk
 
 
-def greeted(device: ReplayDevice) -> Host:
-    host = Host(device)
-    host.send(Hello(1, 0))
-    host.send(CONFIGURE)
-    host.wait(0.1)
-    return host
+def played(talk: Talk, order: StartScan = SCAN, seconds: float = 30.0) -> list[Reading]:
+    """Return the readings of a scan, after so many seconds."""
+    since, assembler = len(talk.received), ReadingAssembler()
+    talk.send(order)
+    talk.quiet(seconds)
+    messages = talk.messages(since)
+    settings = [message for message in talk.messages() if isinstance(message, Settings)][-1:]
+    return [reading for message in (*settings, *messages) for reading in assembler.feed(message)]
 
 
-@pytest.fixture
-def log(tmp_path: Path) -> Log:
-    return recorded(tmp_path)
+def with_scans(log: Log, *scans: tuple[Reading, ...]) -> Log:
+    """Return the log with these scans."""
+    return replace(log, scans=tuple(replace(log.scans[0], readings=readings) for readings in scans))
 
 
-@pytest.mark.parametrize("trace", [False, True], ids=["echoes", "traces"])
 @pytest.mark.parametrize("speed", [0.5, 1.0, 7.0, math.inf])
-def test_a_replayed_scan_equals_the_recorded_scan(tmp_path: Path, trace: bool, speed: float) -> None:
-    log = recorded(tmp_path, trace=trace)
-    host = greeted(ReplayDevice(log, speed))
-    host.send(SCAN)
-    host.wait(10.0)
-    assert host.all(Started) == [Started(host._sequence, COUNT)]
-    assert host.all(Finished) == [Finished(host._sequence, Outcome.DONE, COUNT, "")]
-    assert [reading.echo_times for reading in host.readings] == [reading.echo_times for reading in log.readings]
-    for got, wanted in zip(host.readings, log.readings, strict=True):
+def test_a_replayed_scan_equals_the_recorded_one_on_its_schedule(log: Log, speed: float) -> None:
+    talk = greeted(ReplayDevice(log, speed))
+    begin = talk.clock()
+    found = played(talk)
+    for got, wanted in zip(found, log.readings, strict=True):
         assert_readings_close(replace(got, time=wanted.time), wanted)
-
-
-@pytest.mark.parametrize("speed", [0.5, 1.0, 2.0])
-def test_readings_have_the_recorded_arrival_times_and_timestamps(log: Log, speed: float) -> None:
-    host = greeted(ReplayDevice(log, speed))
-    begin = host.now
-    host.send(SCAN)
-    host.wait(10.0)
-    listen = log.scans[0].settings.listen_us * 1e-6 if log.scans[0].settings else 0.0
-    for reading, came, original in zip(host.readings, host.times(ReadingMessage), log.readings, strict=True):
-        assert came - begin == pytest.approx((original.time + listen) / speed, abs=0.002)
-        assert reading.time - (begin - SWITCHED_ON) == pytest.approx(original.time / speed, abs=1e-6)
+        assert got.time - begin == pytest.approx(wanted.time / speed, abs=2e-3)
+    chunks = [chunk.number for chunk in talk.messages() if isinstance(chunk, TraceChunk)]
+    assert chunks == [n for n in range(COUNT) for _ in range(3)]
+    assert [one.readings for one in talk.messages() if isinstance(one, Finished)] == [COUNT]
 
 
 def test_the_schedule_does_not_drift_when_the_clock_is_read_late(log: Log) -> None:
-    host = greeted(ReplayDevice(log))
-    begin = host.now - SWITCHED_ON
-    host.send(SCAN)
-    for _ in range(40):
-        host.now += 0.0377
-        host._take(host.device.advance(host.now))
-    assert [reading.time - begin for reading in host.readings] == pytest.approx(
-        [r.time for r in log.readings], abs=1e-6
-    )
+    device = ReplayDevice(log)
+    talk = greeted(device)
+    begin, assembler = talk.clock(), ReadingAssembler()
+    talk.send(SCAN)
+    late = (begin + 0.0377 * k for k in range(60))
+    frames = [frame for now in late for frame in FrameDecoder().feed(device.advance(now)) if isinstance(frame, Frame)]
+    messages = [ReadingMessage.unpack(frame.payload) for frame in frames if frame.type == ReadingMessage.TYPE]
+    times = [reading.time for message in messages for reading in assembler.feed(message)]
+    assert [time - times[0] for time in times] == pytest.approx([r.time for r in log.readings[: len(times)]], abs=1e-5)
+    assert len(times) >= COUNT - 1
 
 
 def test_a_replay_answers_with_the_recorded_identity_and_settings(log: Log) -> None:
-    host = Host(ReplayDevice(log))
-    hello = host.send(Hello(1, 0))
-    configure = host.send(CONFIGURE)
-    host.wait(0.1)
+    talk = greeted(ReplayDevice(log))
+    info, settings = talk.ask(Hello(1, 0), Info), talk.ask(CONFIGURE, Settings)
     assert log.info is not None
     assert log.settings is not None
-    assert host.all(Info) == [replace(log.info, command=hello)]
-    assert host.all(Settings) == [replace(log.settings, command=configure)]
+    assert info == replace(log.info, command=info.command)
+    assert settings == replace(log.settings, command=settings.command)
 
 
 def test_homing_and_turning_end_at_once(log: Log) -> None:
-    host = greeted(ReplayDevice(log))
-    home = host.send(Home())
-    host.wait(0.01)
-    turn = host.send(Turn(90_000_000))
-    host.wait(0.3)
-    assert host.all(Accepted) == [Accepted(home), Accepted(turn)]
-    assert host.all(Finished) == [Finished(home, 0, 0, ""), Finished(turn, 0, 0, "")]
-    (*_, beat) = host.all(Heartbeat)
-    assert isinstance(beat, Heartbeat)
+    talk = greeted(ReplayDevice(log))
+    began = talk.clock()
+    for action in (Home(), Turn(90_000_000)):
+        assert talk.act(action)[2].outcome == Outcome.DONE
+    assert talk.clock() - began < 0.05
+    beat = talk.heartbeat()
     assert (beat.state, beat.angle) == (State.IDLE, 90_000_000)
 
 
-def test_a_replay_requires_a_hello_and_is_busy_while_it_plays(log: Log) -> None:
-    host = Host(ReplayDevice(log))
-    early = host.send(SCAN)
-    host.wait(0.1)
-    host.send(Hello(1, 0))
-    host.send(SCAN)
-    late = host.send(Home())
-    host.wait(0.1)
-    refusals = [(one.command, one.code) for one in host.all(Refused) if isinstance(one, Refused)]
-    assert refusals == [(early, Refusal.NO_HELLO), (late, Refusal.BUSY)]
-    assert host.device.busy
-
-
-def test_a_heartbeat_comes_every_quarter_second_at_any_speed(log: Log) -> None:
-    host = greeted(ReplayDevice(log, speed=0.1))
-    host.send(SCAN)
-    host.wait(3.0)
-    beats = host.times(Heartbeat)
-    assert [beat - SWITCHED_ON for beat in beats] == pytest.approx([0.25 * n for n in range(1, 13)], abs=0.002)
-
-
-def test_a_repeated_command_is_executed_once_and_answered_twice(log: Log) -> None:
-    host = greeted(ReplayDevice(log))
-    scan = host.send(SCAN)
-    host.wait(0.35)
-    host.send(SCAN, again=True)
-    host.wait(5.0)
-    assert host.all(Started) == 2 * [Started(scan, COUNT)]
-    assert [reading.number for reading in host.readings] == [*range(COUNT)]
-
-
-def test_stop_ends_the_scan_and_keeps_its_readings(log: Log) -> None:
-    host = greeted(ReplayDevice(log))
-    scan = host.send(SCAN)
-    host.wait(0.45)
-    stop = host.send(Stop())
-    host.wait(5.0)
-    made = len(host.readings)
-    assert 0 < made < COUNT
-    assert host.all(Finished) == [Finished(scan, Outcome.STOPPED, made, "")]
-    assert host.all(Accepted) == [Accepted(stop)]
-    assert not host.device.busy
-
-
-def test_readings_are_resent_on_request(log: Log) -> None:
-    host = greeted(ReplayDevice(log))
-    host.send(SCAN)
-    host.wait(5.0)
-    first = [message for message in host.all(ReadingMessage) if isinstance(message, ReadingMessage)]
-    host.send(Resend(3, 2))
-    host.wait(0.1)
-    assert host.all(ReadingMessage)[COUNT:] == first[3:5]
+def test_a_heartbeat_comes_every_quarter_second_and_stop_ends_a_scan_at_any_speed(log: Log) -> None:
+    for speed, played_for in ((0.1, 0.3), (1.0, 0.3), (1e6, 1e-4)):
+        talk = greeted(ReplayDevice(with_scans(log, log.readings * 40), speed))
+        talk.ask(SCAN, Started)
+        assert talk.ask(Home(), Refused).code == Refusal.BUSY
+        talk.quiet(played_for)
+        stopped = talk.answers(Stop())[0]
+        assert isinstance(stopped, Accepted)
+        (finished,) = [one for one in talk.messages() if isinstance(one, Finished)]
+        assert finished.outcome == Outcome.STOPPED
+        assert finished.readings == len(readings(talk.messages()))
+        assert sum(isinstance(message, Heartbeat) for message in talk.quiet(1.0)) in (4, 5)
 
 
 def test_a_loop_continues_until_the_requested_number_of_readings(log: Log) -> None:
-    host = greeted(ReplayDevice(log, loop=True))
-    scan = host.send(replace(SCAN, sweeps=3))
-    host.wait(10.0)
-    assert host.all(Started) == [Started(scan, 3 * COUNT)]
-    assert host.all(Finished) == [Finished(scan, Outcome.DONE, 3 * COUNT, "")]
-    assert [reading.number for reading in host.readings] == [*range(3 * COUNT)]
-    assert [reading.sweep for reading in host.readings] == [n // COUNT for n in range(3 * COUNT)]
-    gaps = [after.time - before.time for before, after in zip(host.readings, host.readings[1:], strict=False)]
+    talk = greeted(ReplayDevice(log, loop=True))
+    found = played(talk, replace(SCAN, sweeps=3))
+    assert [reading.number for reading in found] == [*range(3 * COUNT)]
+    assert [reading.sweep for reading in found] == [n // COUNT for n in range(3 * COUNT)]
+    gaps = [after.time - before.time for before, after in pairwise(found)]
     assert gaps == pytest.approx([0.1] * (3 * COUNT - 1), abs=2e-6)
-    for got, wanted in zip(host.readings, 3 * log.readings, strict=True):
+    for got, wanted in zip(found, 3 * log.readings, strict=True):
         assert got.echo_times == wanted.echo_times
 
 
-def test_each_scan_command_plays_the_next_recorded_scan(log: Log) -> None:
-    shorter = replace(log.scans[0], readings=log.scans[0].readings[:3])
-    host = greeted(ReplayDevice(replace(log, scans=(*log.scans, shorter))))
-    for _ in range(3):
-        host.send(SCAN)
-        host.wait(5.0)
-    assert [one.readings for one in host.all(Started) if isinstance(one, Started)] == [COUNT, 3, COUNT]
+def test_each_scan_command_plays_the_next_recorded_scan_and_a_part_that_of_the_previous_one(log: Log) -> None:
+    talk = greeted(ReplayDevice(with_scans(log, log.readings, log.readings[:3])))
+    assert len(played(talk)) == COUNT
+    began = talk.clock()
+    part = played(talk, replace(SCAN, first=4, count=3), seconds=0.15)
+    assert [reading.number for reading in part][:1] == [4]  # at once, without a pause for the omitted part
+    assert part[0].time - began < 0.1
+    talk.ask(Stop(), Accepted)
+    part = played(talk, replace(SCAN, first=4, count=3))
+    assert [reading.echo_times for reading in part] == [reading.echo_times for reading in log.readings[4:7]]
+    assert [len(played(talk)) for _ in range(2)] == [3, COUNT]
 
 
-def test_a_request_for_a_part_replays_that_part_of_the_previous_scan(log: Log) -> None:
-    other = replace(log.scans[0], readings=log.scans[0].readings[:3])
-    host = greeted(ReplayDevice(replace(log, scans=(*log.scans, other))))
-    host.send(SCAN)
-    host.wait(5.0)
-    host.readings.clear()
-    host.send(replace(SCAN, first=4, count=3))
-    host.wait(0.15)
-    assert [reading.number for reading in host.readings][:1] == [4]  # at once, without a pause for the omitted part
-    host.wait(5.0)
-    assert [reading.number for reading in host.readings] == [4, 5, 6]
-    assert [r.echo_times for r in host.readings] == [r.echo_times for r in log.readings[4:7]]
-
-
-def test_a_log_without_a_speed_of_sound_is_refused(log: Log) -> None:
-    unknown = [replace(reading, speed_of_sound=math.nan) for reading in log.readings]
-    silent = replace(log, settings=None, scans=(replace(log.scans[0], settings=None, readings=tuple(unknown)),))
+def test_a_log_without_a_speed_of_sound_and_a_speed_of_zero_are_refused(log: Log) -> None:
+    unknown = tuple(replace(reading, speed_of_sound=math.nan) for reading in log.readings)
+    silent = replace(log, settings=None, scans=(replace(log.scans[0], settings=None, readings=unknown),))
     with pytest.raises(InputError, match="no speed of sound"):
         ReplayDevice(silent)
-
-
-@pytest.mark.parametrize("requested", [343_200, 300_000])
-def test_a_log_without_settings_is_replayed_with_the_recorded_ranges(log: Log, requested: int) -> None:
-    bare = replace(log, settings=None, scans=(replace(log.scans[0], settings=None),))
-    host = Host(ReplayDevice(bare))
-    for message in (Hello(1, 0), replace(CONFIGURE, speed_of_sound=requested), SCAN):
-        host.send(message)
-    host.wait(5.0)
-    for got, wanted in zip(host.readings, log.readings, strict=True):
-        assert got.echo_ranges == pytest.approx(wanted.echo_ranges, abs=1e-6)
-
-
-def test_without_any_settings_readings_arrive_at_their_times(log: Log) -> None:
-    host = Host(ReplayDevice(replace(log, settings=None, scans=(replace(log.scans[0], settings=None),))))
-    for message in (Hello(1, 0), SCAN):
-        host.send(message)
-    begin = host.now
-    host.wait(5.0)
-    came = [time - begin for time in host.times(ReadingMessage)]
-    assert came == pytest.approx([reading.time for reading in log.readings], abs=0.002)
-
-
-def test_missing_readings_leave_no_gap_in_the_numbers(log: Log) -> None:
-    gappy = replace(log.scans[0], readings=log.scans[0].readings[::2])
-    host = greeted(ReplayDevice(replace(log, scans=(gappy,))))
-    host.send(SCAN)
-    host.wait(5.0)
-    assert [reading.number for reading in host.readings] == [*range(COUNT // 2)]
-    assert [r.echo_times for r in host.readings] == [r.echo_times for r in gappy.readings]
-
-
-def test_a_new_hello_stops_the_replay(log: Log) -> None:
-    host = greeted(ReplayDevice(log))
-    host.send(SCAN)
-    host.wait(0.3)
-    host.device.hang_up()
-    host.send(Hello(1, 0))
-    host.wait(1.0)
-    assert not host.device.busy
-    host.readings.clear()
-    host.send(SCAN)
-    host.wait(5.0)
-    assert len(host.readings) == COUNT
-
-
-def test_a_speed_of_zero_is_refused(log: Log) -> None:
     with pytest.raises(ValueError, match="above 0"):
         ReplayDevice(log, speed=0.0)
 
 
-def test_stop_works_at_any_replay_speed(tmp_path: Path) -> None:
-    write_scan(tmp_path / "scan.mcap", METADATA, [example_reading(n, trace=True, angle=0.0) for n in range(400)])
-    host = greeted(ReplayDevice(read_log(tmp_path / "scan.mcap"), speed=1e6))
-    host.send(SCAN)
-    host.wait(1e-4)
-    host.send(Stop())
-    host.wait(1.0)
-    (finished,) = host.all(Finished)
-    assert isinstance(finished, Finished)
-    assert finished.outcome == Outcome.STOPPED
+@pytest.mark.parametrize("speed_of_sound", [343_200, 300_000])
+def test_a_log_without_settings_is_replayed_with_the_recorded_ranges(log: Log, speed_of_sound: int) -> None:
+    bare = replace(log, settings=None, scans=(replace(log.scans[0], settings=None),))
+    found = played(greeted(ReplayDevice(bare), replace(CONFIGURE, speed_of_sound=speed_of_sound)))
+    for got, wanted in zip(found, log.readings, strict=True):
+        assert got.echo_ranges == pytest.approx(wanted.echo_ranges, abs=1e-6)
+    assert len(played(greeted(ReplayDevice(bare), None))) == COUNT  # the host needs not configure
 
 
-def test_the_driver_receives_the_whole_scan(log: Log) -> None:
-    driver, device, now = Driver(first_sequence=5), ReplayDevice(log, speed=3.0), 0.0
-    readings: list[Reading] = []
-
-    def until_done(message: Message, now: float) -> float:
-        command = driver.command(message, now)
-        while command.answer is None or (isinstance(message, StartScan) and not driver.scan_complete):
-            device.receive(driver.outgoing(), now)
-            now = min(time for time in (driver.next_event(), device.next_event()) if time is not None)
-            data = device.advance(now)
-            if data:
-                driver.receive(data, now)
-            else:
-                driver.advance(now)
-            readings.extend(driver.readings())
-        return now
-
-    for message in (Hello(1, 0), CONFIGURE, SCAN):
-        now = until_done(message, now)
-    assert [reading.echo_times for reading in readings] == [reading.echo_times for reading in log.readings]
-    assert driver.statistics.lost_readings == 0
-
-
-def test_traces_arrive_in_chunks_of_their_reading(tmp_path: Path) -> None:
-    host = greeted(ReplayDevice(recorded(tmp_path, trace=True)))
-    host.send(SCAN)
-    host.wait(5.0)
-    chunks = [chunk for chunk in host.all(TraceChunk) if isinstance(chunk, TraceChunk)]
-    assert [chunk.number for chunk in chunks] == [n for n in range(COUNT) for _ in range(3)]
+def test_missing_readings_leave_no_gap_in_the_numbers(log: Log) -> None:
+    found = played(greeted(ReplayDevice(with_scans(log, log.readings[::2]))))
+    assert [reading.number for reading in found] == [*range(COUNT // 2)]
+    assert [reading.echo_times for reading in found] == [reading.echo_times for reading in log.readings[::2]]
 
 
 def replayed(device: ReplayDevice) -> Bench:

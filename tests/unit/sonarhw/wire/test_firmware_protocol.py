@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from cobs import cobs
 
-from sonarhw.device.fake_board import BoardIdentity, FakeBoard
+from sonarhw.device.fake_board import FakeBoard
 from sonarhw.readings import Ping, PingResult, Trace
 from sonarhw.wire.frames import DELIMITER, Frame, FrameDecoder, encode_frame
 from sonarhw.wire.limits import MAX_TEST
@@ -24,19 +24,14 @@ from sonarhw.wire.messages import (
     AskStatistics,
     Configure,
     Feature,
-    Finished,
-    Heartbeat,
     Hello,
     Home,
     Input,
     Message,
     Outcome,
-    ReadingMessage,
     Refusal,
-    Refused,
     Resend,
     ResetCause,
-    Started,
     StartScan,
     State,
     Stop,
@@ -46,11 +41,8 @@ from sonarhw.wire.messages import (
     Zero,
     unpack_message,
 )
-from tests.checkout import CHECKOUT
-from tests.fixtures.joined import Joined
-from tests.fixtures.plain_echoes import PlainEchoes
+from tests.fixtures.protocol_document import DOCUMENT, block, rows
 
-DOCUMENT = (CHECKOUT / "firmware_protocol.md").read_text(encoding="utf-8")
 TRANSCRIPT_SEED = 31  # the turntable starts close to its zero
 
 
@@ -63,14 +55,6 @@ class DocumentedRoom:
         """Return the echoes of a wall at 1.2 m, 7 ms and 14.1 ms after transmission."""
         samples = np.array([0.0, 0.0, 1.0, 0.5, 0.2, 0.1, 0.0, 0.0])
         return PingResult((0.007, 0.0141), Trace(samples, 400.0, 0.0) if ping.trace else None)
-
-
-def rows(title: str) -> list[list[str]]:
-    """Return the cells of the table under a heading, without its header."""
-    section = re.search(rf"^#+ {re.escape(title)}$(.*?)(?=^#|\Z)", DOCUMENT, re.M | re.S)
-    assert section, f"no heading {title!r}"
-    lines = [line for line in section[1].splitlines() if line.startswith("|")]
-    return [[cell.strip().strip("`") for cell in line.strip("|").split("|")] for line in lines[2:]]
 
 
 @pytest.mark.parametrize("kind", FROM_HOST + FROM_DEVICE, ids=lambda kind: kind.__name__)
@@ -118,7 +102,7 @@ def test_every_time_and_size_matches_its_constant(row: list[str]) -> None:
 def test_the_documented_checksum_and_its_table_are_correct() -> None:
     assert f"{zlib.crc32(b'123456789'):08X}" == "CBF43926"
     assert "`CBF43926`" in DOCUMENT
-    table = [int(word, 16) for word in re.findall(r"0x([0-9A-F]{8})\b", rows_of_code("crc table"))]
+    table = [int(word, 16) for word in re.findall(r"0x([0-9A-F]{8})\b", block("crc table"))]
     crc = 0xFFFFFFFF
     for byte in b"123456789":
         crc ^= byte
@@ -127,15 +111,8 @@ def test_the_documented_checksum_and_its_table_are_correct() -> None:
     assert crc ^ 0xFFFFFFFF == 0xCBF43926
 
 
-def rows_of_code(label: str) -> str:
-    """Return the content of the fenced block with this label."""
-    block = re.search(rf"^```{re.escape(label)}\n(.*?)^```$", DOCUMENT, re.M | re.S)
-    assert block, f"no block {label!r}"
-    return block[1]
-
-
 def test_every_step_of_the_worked_example_is_correct() -> None:
-    steps = dict(re.findall(r"^(\w+) +((?:[0-9A-F]{2} ?)+)", rows_of_code("worked example"), re.M))
+    steps = dict(re.findall(r"^(\w+) +((?:[0-9A-F]{2} ?)+)", block("worked example"), re.M))
     body, crc, stuffed, wire = (bytes.fromhex(steps[name]) for name in ("body", "crc", "stuffed", "wire"))
     parts = [bytes.fromhex(steps[name]) for name in ("type", "sequence", "time", "payload")]
     assert b"".join(parts) == body
@@ -153,55 +130,9 @@ def test_a_last_piece_of_254_bytes_decodes_with_and_without_an_empty_rest() -> N
     assert cobs.decode(b"\xff" + piece) == cobs.decode(b"\xff" + piece + b"\x01") == piece
 
 
-@pytest.mark.parametrize("row", rows("What is refused"), ids=lambda row: row[0])
-def test_documented_refusals_have_the_documented_code(row: list[str]) -> None:
-    command, code = row
-    name, values = re.fullmatch(r"(\w+)\((.*)\)", command).groups()  # type: ignore[union-attr]
-    kind = next(kind for kind in FROM_HOST if kind.__name__ == name)
-    given = dict(re.findall(r"(\w+)=(-?\w*)", values))
-    message = kind(**{key: bytes.fromhex(value) if key == "data" else int(value) for key, value in given.items()})
-    joined = Joined(board=FakeBoard(PlainEchoes(), seed=7, identity=BoardIdentity(bauds=(250_000, 1_000_000))))
-    joined.greet()
-    answer = joined.ask(message).answer
-    assert isinstance(answer, Refused)
-    assert Refusal(answer.code).name == code
-
-
-def simplest(kind: type[Message]) -> Message:
-    """Return a command that an idle device carries out and a busy device may refuse with BUSY."""
-    return kind(**{item.name: b"a" if item.metadata["wire"].name == "u8[]" else 1 for item in fields(kind)})
-
-
-@pytest.mark.parametrize("row", rows("Commands at a glance"), ids=lambda row: row[0])
-def test_a_busy_board_handles_a_command_as_documented(row: list[str]) -> None:
-    name, answer, busy, _ = row
-    kind = next(kind for kind in FROM_HOST if kind.__name__ == name)
-    assert busy == kind.WHEN_BUSY
-    device = FakeBoard(PlainEchoes(), seed=7, identity=BoardIdentity(bauds=(250_000, 1_000_000)))
-    for sequence, message in enumerate((Hello(1, 1), Home())):
-        device.receive(encode_frame(Frame(message.TYPE, sequence, 0, message.pack())), 0.0)
-    ready = device_messages(device, 1.9)
-    assert isinstance(ready[-1], Heartbeat)
-    scan = StartScan(0, 1_000_000, 50, 1, 1)
-    device.receive(encode_frame(Frame(scan.TYPE, 2, 0, scan.pack())), 1.9)
-    assert [type(message) for message in device_messages(device, 1.95)] == [Started]
-    device.receive(encode_frame(Frame(kind.TYPE, 3, 0, simplest(kind).pack())), 1.95)
-    # the board listens for 65 ms, and answers afterwards
-    assert device_messages(device, 1.964) == []
-    own = Heartbeat | ReadingMessage
-    received = [message for message in device_messages(device, 1.99) if not isinstance(message, own)]
-    if busy == "BUSY":
-        (refused,) = received
-        assert isinstance(refused, Refused)
-        assert refused.code == Refusal.BUSY
-    else:
-        assert type(received[-1]).__name__ == answer
-        assert isinstance(received[0], Finished) == (busy == "stops it")
-        assert device.busy == (busy == "answered")
-
-
 def test_the_table_of_commands_is_complete() -> None:
-    assert [row[0] for row in rows("Commands at a glance")] == [kind.__name__ for kind in FROM_HOST]
+    listed = [(row[0], row[2]) for row in rows("Commands at a glance")]
+    assert listed == [(kind.__name__, kind.WHEN_BUSY) for kind in FROM_HOST]
 
 
 def test_every_command_fits_the_documented_buffer() -> None:
@@ -216,19 +147,13 @@ def widest(item: Field[Any]) -> int | bytes:
     return bytes(MAX_TEST) if item.metadata["wire"].name == "u8[]" else 1
 
 
-def device_messages(board: FakeBoard, until: float) -> list[Message | None]:
-    """Return the messages that a board sends until a time."""
-    frames = FrameDecoder().feed(board.advance(until))
-    return [unpack_message(frame.type, frame.payload) for frame in frames if isinstance(frame, Frame)]
-
-
 def test_every_frame_in_the_conversation_decodes_to_the_message_above_it() -> None:
     entries = re.findall(
         r"^(host  |device)  #(\d+) at (\d+) us  (\w+\(.*\))\n((?:        (?:[0-9A-F]{2} ?)+\n)+)",
-        rows_of_code("conversation"),
+        block("conversation"),
         re.M,
     )
-    assert len(entries) == rows_of_code("conversation").count(" at ")
+    assert len(entries) == block("conversation").count(" at ")
     for side, sequence, time, message, wire in entries:
         (frame,) = FrameDecoder().feed(bytes.fromhex(wire))
         assert isinstance(frame, Frame)
@@ -238,7 +163,7 @@ def test_every_frame_in_the_conversation_decodes_to_the_message_above_it() -> No
 
 
 def test_the_fake_board_repeats_the_documented_conversation_byte_for_byte() -> None:
-    assert rows_of_code("conversation") == conversation()
+    assert block("conversation") == conversation()
 
 
 def conversation() -> str:

@@ -1,12 +1,14 @@
-"""Arrays of a log in an .npz file, as NumPy reads them."""
+"""Readings as text and as arrays, as a spreadsheet and NumPy read them."""
 
+import csv
 import math
 from dataclasses import dataclass
-from io import BytesIO
+from io import BytesIO, StringIO
 from typing import Any, cast
 
 import numpy as np
 
+from sonarhw.export import write_csv
 from sonarhw.npz import write_npz
 from sonarhw.readings import Reading, Trace
 
@@ -77,3 +79,27 @@ def test_notes_are_text_in_the_row_of_their_reading() -> None:
     first, second = Scan(4.0, (reading(0, (0.01,), None),)), Scan(5.0, (reading(3, (), None), reading(4, (), None)))
     assert arrays(first, second, notes={1: "a chair, Füße"})["notes"].tolist() == ["", "a chair, Füße", ""]
     assert "notes" not in arrays(first, second)
+
+
+def exported(notes: dict[int, str]) -> str:
+    heard = Reading(0, 0, 0, math.radians(30), 5.5, (0.01, 0.02), 340.0)
+    silent = Reading(1, 0, 0, math.radians(-0.0), 5.75, (), 340.0)
+    file = BytesIO()
+    write_csv(cast(Any, TwoScans((Scan(5.0, (heard, silent)), Scan(5.5, (heard,))))), file, notes)
+    return file.getvalue().decode()
+
+
+def test_each_reading_is_a_line_with_its_time_in_the_scan() -> None:
+    assert exported({}).splitlines() == [
+        "time_s,heading_deg,range_m,echoes_s",
+        "0.5,30,1.7,0.01;0.02",
+        "0.75,0,,",
+        "0,30,1.7,0.01;0.02",
+    ]
+
+
+def test_notes_are_a_last_column_as_a_spreadsheet_reads_it() -> None:
+    notes = {1: 'silent, with "quotes"', 2: "=1+1"}
+    rows = list(csv.DictReader(StringIO(exported(notes))))
+    assert [row["note"] for row in rows] == ["", notes[1], "'=1+1"]
+    assert [row["heading_deg"] for row in rows] == ["30", "0", "30"]
