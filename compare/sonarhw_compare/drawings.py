@@ -491,20 +491,20 @@ _SHADES = "Greys"  # empty is white, unknown grey, occupied black
     found=arguments.instance(RoomMap, "the map of `map_scans`, or `baseline` of the result of `map_room`"),
     room=arguments.instance(Room, "a room"),
 )
-def draw_map(mapped: RoomMap, room: Room | None = None) -> Figure:
+def draw_map(found: RoomMap, room: Room | None = None) -> Figure:
     """Return a figure of the plan with grid, arcs, walls and points; `room` is drawn dashed over it.
 
     A second plan leaves out the echoes by several reflections, where that is determined.
     """
-    direct = f"all echoes, interpreted as direct: {mapped.echoes}"
-    if mapped.followed_room is None:
-        layers = [(mapped.plain, f"{direct}\nnot determined which came by several reflections")]
+    direct = f"all echoes, interpreted as direct: {found.echoes}"
+    if found.followed_room is None:
+        layers = [(found.plain, f"{direct}\nnot determined which came by several reflections")]
     else:
-        without = f"without {mapped.rejected} echoes by several reflections; {mapped.undetermined} not determined"
-        layers = [(mapped.plain, direct), (mapped.direct, without)]
+        without = f"without {found.rejected} echoes by several reflections; {found.undetermined} not determined"
+        layers = [(found.plain, direct), (found.direct, without)]
     figure = new_figure(7 * len(layers), 7.5, 110)
     plans = figure.subplots(1, len(layers), squeeze=False, sharex=True, sharey=True)[0]
-    sensors = np.array([scan.place.position for scan in mapped.scans])
+    sensors = np.array([scan.place.position for scan in found.scans])
     for axes, (layer, title) in zip(plans, layers, strict=True):
         _draw_layer(axes, layer)
         if room is not None:
