@@ -78,6 +78,13 @@ def _comparison(name: str, value: object) -> object:
     return arguments.instance(ScanComparison, "the result of `compare`")(name, value)
 
 
+def _prediction_options(name: str, value: object) -> object:
+    """Check the options of a prediction."""
+    from sonarhw_sim.predict.prediction import PredictionOptions
+
+    return arguments.instance(PredictionOptions, "a PredictionOptions")(name, value)
+
+
 def _numbers_of_scans(name: str, value: object) -> list[float]:
     """Check one number, or one for each scan."""
     read = np.atleast_1d(arguments.numbers_in(name, value, "a number, or one for each scan"))
@@ -317,6 +324,7 @@ def write_report(
     seed=arguments.whole(0),
     room_tolerance=_TOLERANCE,
     exact=arguments.flag,
+    options=_prediction_options,
     progress=arguments.function,
     warn=arguments.function,
 )
@@ -333,6 +341,7 @@ def fit(
     seed: int = 0,
     room_tolerance: float = ROOM_TOLERANCE,
     exact: bool = False,
+    options: "PredictionOptions | None" = None,
     progress: "Progress | None" = None,
     warn: Warn = emit,
 ) -> "FittedScans":
@@ -342,8 +351,8 @@ def fit(
     `sonarhw fit`: "position,heading", ["temperature=21+-1"]. A free position is searched within 25 cm of a given place,
     else in the whole room. `samples` is the number of draws from the posterior; 0 uses the curvature of the likelihood.
     Walls that are not free may be off with a standard deviation of `room_tolerance` (m), and levels and the turntable
-    have tolerances of their own; `exact` takes all of these as exact. `progress` receives the completed share and the
-    name of the present step. Raises InputError.
+    have tolerances of their own; `exact` takes all of these as exact. `options` are those of the prediction, in
+    place of `receiver`. `progress` receives the completed share and the name of the present step. Raises InputError.
     """
     from sonarhw_sim.predict.prediction import PredictionOptions
 
@@ -355,11 +364,10 @@ def fit(
     for scan in setting.scans:
         if scan.place.name:  # otherwise the whole room is searched
             warn_of_place(setting.room, scan.place, warn)
-    options = FitOptions(
-        PredictionOptions(receiver=receiver), seed, samples, room_tolerance=room_tolerance, exact=exact
-    )
+    prediction = options or PredictionOptions(receiver=receiver)
+    fit_options = FitOptions(prediction, seed, samples, room_tolerance=room_tolerance, exact=exact)
     result = fit_scans(
-        setting.scans, setting.room, setting.board, setting.parameters, options=options, progress=progress
+        setting.scans, setting.room, setting.board, setting.parameters, options=fit_options, progress=progress
     )
     return FittedScans(**vars(result), setting=setting)
 

@@ -15,7 +15,7 @@ from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.room.room import Place, Room, parse_room
 from sonarhw_sim.room.room_writing import with_air, with_place
 
-from sonarhw.errors import Cancelled, InputError, counted, harmless
+from sonarhw.errors import InputError, counted, harmless
 from sonarhw.readings import FloatArray, Reading
 from sonarhw_compare.edits import below_header, set_marked
 from sonarhw_compare.fit.objective import COARSE, MODERATE, Problem, make_problem
@@ -28,7 +28,7 @@ from sonarhw_compare.fit.parameters import (
     values_by_part,
     with_priors,
 )
-from sonarhw_compare.fit.quantities import HEADING, AirQuantity, BoardQuantity, PlaceQuantity, Quantity, X, Y
+from sonarhw_compare.fit.quantities import HEADING, NEAR, AirQuantity, BoardQuantity, PlaceQuantity, Quantity, X, Y
 from sonarhw_compare.fit.result import (
     Estimate,
     FitOptions,
@@ -48,9 +48,6 @@ from sonarhw_compare.regions import mean_run
 from sonarhw_compare.scans import BoardInput, GivenScan, PlaceInput, RoomInput, common_board
 
 # What a fit of given scans begins with: their room, board and places, and the parameters.
-
-
-NEAR = 0.25  # m; a free position is searched within this distance of a given place
 
 
 @dataclass(frozen=True)
@@ -294,21 +291,17 @@ def fit_scans(
     *,
     options: FitOptions | None = None,
     progress: Progress | None = None,
-    cancelled: Callable[[], bool] | None = None,
 ) -> FitResult:
     """Return the values of the `free` parameters that explain `scans` best, with their uncertainties.
 
-    `progress` receives the completed share and the name of the present step. As soon as `cancelled` returns True, the
-    fit raises `sonarhw.errors.Cancelled`. Raises InputError if nothing is free, a scan has no echo, the board is a
-    ring, or the unit is not `pass`.
+    `progress` receives the completed share and the name of the present step; it can end the fit by an exception. Raises
+    InputError if nothing is free, a scan has no echo, the board is a ring, or the unit is not `pass`.
     """
     options = options or FitOptions()
     check_fit(scans, board, free, options)
     problem = make_problem(scans, room, board, free, options.prediction, all_echoes=options.all_echoes)
 
     def tick(step: str, begin: float, end: float, share: float) -> None:
-        if cancelled is not None and cancelled():
-            raise Cancelled("the fit was cancelled")
         if progress is not None:
             progress(begin + (end - begin) * share, step)
 

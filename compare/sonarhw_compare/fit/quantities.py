@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 _COLDEST, _WARMEST = -40.0, 60.0  # °C, limits of a room file
 _REACH = 0.06  # m, largest difference of a length from the board profile
+NEAR = 0.25  # m; a free position is searched within this distance of a given place
 ROOM_TOLERANCE = 0.005  # m, standard deviation of the position of a wall that is not free
 # assumed standard deviations of other values that are not free
 _SCALE_TOLERANCE = 0.01

@@ -263,12 +263,11 @@ def find_causes(
     place: Place,
     board: Board,
     tick: Callable[[float], None] = lambda _share: None,
-    cancelled: Callable[[], bool] = lambda: False,
 ) -> FoundCauses:
     """Return the changes of a room that explain the misfits of a scan.
 
-    `tick` receives the completed share, 0..1. If `cancelled` returns true, the causes found so far are returned. Raises
-    InputError if the board is a ring, or no reading has an echo.
+    `tick` receives the completed share, 0..1; it can end the search by an exception. Raises InputError if the board is
+    a ring, or no reading has an echo.
     """
     if board.ring is not None:
         raise InputError(f"board {board.name!r} is a ring of sensors; the search for causes needs a turntable")
@@ -277,8 +276,7 @@ def find_causes(
     search = _Search(tuple(readings), room, place, board)
 
     def longer(changes: tuple[Change, ...]) -> tuple[Change, ...] | None:
-        stopped = len(changes) == _MOST or cancelled()
-        change = None if stopped else search.best_change(_with_all(room, changes))
+        change = None if len(changes) == _MOST else search.best_change(_with_all(room, changes))
         return None if change is None else (*changes, change)
 
     tick(0.0)

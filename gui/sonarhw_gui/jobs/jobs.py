@@ -47,12 +47,8 @@ class BackgroundJob:
     # for the function
 
     def report(self, share: float, step: str = "") -> None:
-        """Store the share that is done and the current step."""
+        """Store the share that is done and the current step. Raises Cancelled."""
         self.share, self.step = share, step
-
-    def check(self, share: float) -> None:
-        """Store the share that is done. Raises Cancelled."""
-        self.report(share)
         if self.cancelled:
             raise Cancelled("the job was cancelled")
 

@@ -149,10 +149,6 @@ def _board(board: Board, fitted_with: Board, values: "Mapping[Parameter, float]"
     return replace(board, text=tomlkit.dumps(profile))
 
 
-NEAR = 0.25  # m; maximum error of a place that was set by hand
-_SAMPLES = 8000  # samples of the posterior; about 300 of them are independent
-
-
 @dataclass(frozen=True, eq=False)
 class FitFound:
     """The result of a fit."""
@@ -171,35 +167,28 @@ def find_pose(shown: Shown, free: tuple[str, ...], everywhere: bool, job: Backgr
 
     `free`: words of the free quantities. `everywhere`: search the whole room, not only beside the place shown.
     """
-    from sonarhw_compare.fit import FitOptions, PlacedScan, fit_scans  # takes half a second
+    from sonarhw_compare.one_call import fit  # takes half a second
+    from sonarhw_compare.scans import GivenScan
 
     scene, readings = shown.scene, shown.readings[-_MOST_READINGS:]
     room, place = room_and_place(scene)
-    result = fit_scans(
-        [PlacedScan(readings, place, "this scan")],
+    result = fit(
+        GivenScan("this scan", readings, pose=place),
         room,
+        None if everywhere else place,
         scene.board,
-        _free_parameters(scene, room, free, everywhere),
-        options=FitOptions(scene.options, samples=_SAMPLES),
+        free=free,
+        options=scene.options,
         progress=job.report,
-        cancelled=lambda: job.cancelled,
+        warn=_ignored,
     )
     solutions = tuple(_values(result))
     after = tuple(_within_5cm(readings, fitted(scene, values, scene.board)[0]) for values in solutions)
     return FitFound(scene, len(readings), everywhere, result, solutions, _within_5cm(readings, scene), after)
 
 
-def _free_parameters(scene: Scene, room: Room, free: tuple[str, ...], everywhere: bool) -> "tuple[Parameter, ...]":
-    from sonarhw_compare.fit import free_parameters
-
-    parameters = free_parameters(free, ["this scan"], room, scene.board)
-    if everywhere:
-        return parameters
-    here = dict(zip("xy", scene.pose.position, strict=True))
-    return tuple(
-        replace(parameter, lower=here[name] - NEAR, upper=here[name] + NEAR) if name in here else parameter
-        for name, parameter in ((parameter.quantity.name, parameter) for parameter in parameters)
-    )
+def _ignored(_doubt: str) -> None:
+    """Ignore a doubt about the scene, which the window shows already."""
 
 
 def _within_5cm(readings: tuple[Reading, ...], scene: Scene) -> float | None:
@@ -341,18 +330,12 @@ def search_causes(shown: Shown, job: BackgroundJob) -> CausesAnswer:
 
     Raises InputError.
     """
-    from sonarhw_compare.rooms.causes import find_causes  # takes half a second
+    from sonarhw_compare.one_call import compare, find_missing  # takes half a second
 
     newest, scene = shown.readings[-_MOST_READINGS_OF_CAUSES:], shown.scene
     room, place = room_and_place(scene)
-    result = find_causes(
-        newest,
-        room,
-        place,
-        scene.board,
-        tick=lambda share: job.report(share, "searching"),
-        cancelled=lambda: job.cancelled,
-    )
+    comparison = compare(newest, room, place, scene.board, receiver=scene.options.receiver, warn=_ignored)
+    result = find_missing(comparison, lambda share: job.report(share, "searching"))
     return CausesAnswer(scene, len(shown.readings) - len(newest), result)
 
 
@@ -435,7 +418,7 @@ def search_room(
         raise InputError("a wall of the room is shorter than 2 cm; remove it in the plan, and go on")
     course = Course(start, refused, lambda draft: job.show(_supported(scans, air, draft, ROUGH)))
     result = find_room_and_poses(
-        [_placed(scan) for scan in scans], board, air, _spreads(scans, accuracy), job.check, course
+        [_placed(scan) for scan in scans], board, air, _spreads(scans, accuracy), job.report, course
     )
     return RoomAnswer(_supported(scans, air, result.draft, FINE), result, found_room(result, board))
 
@@ -474,7 +457,7 @@ def plan_next_scan(answer: RoomAnswer, job: BackgroundJob) -> "tuple[NextPlace, 
     """
     from sonarhw_compare.rooms.outcome import next_places
 
-    return next_places(answer.result, answer.room, answer.hypotheses.board, _MOST_NEXT, job.check, job.show)
+    return next_places(answer.result, answer.room, answer.hypotheses.board, _MOST_NEXT, job.report, job.show)
 
 
 def _one_board(scans: tuple[LoadedScan, ...]) -> Board:

@@ -16,7 +16,7 @@ from PySide6 import QtWidgets
 from PySide6.QtCore import QPointF, QSignalBlocker, QSize, Qt, Slot
 from PySide6.QtGui import QColor, QHideEvent, QIcon, QPainter, QPen, QPixmap, QShowEvent
 from sonarhw_compare.edits import remove_surface
-from sonarhw_compare.fit.quantities import QUANTITIES, Offer
+from sonarhw_compare.fit.quantities import NEAR, QUANTITIES, Offer
 from sonarhw_compare.headings import in_degrees
 from sonarhw_compare.match import Kind
 from sonarhw_compare.pictures import points_at
@@ -153,7 +153,7 @@ class FitPanel(SearchPanel):
 
     def _name_area(self) -> None:
         unit = self._shown.look.unit
-        self.where.setItemText(0, f"within {unit.of(searches.NEAR):.2g} {unit.label} of here")
+        self.where.setItemText(0, f"within {unit.of(NEAR):.2g} {unit.label} of here")
 
     def _show_changes(self, before: searches.SearchState) -> None:
         self.progress.setFormat(f"{self._state.step}  %p %")

@@ -169,14 +169,15 @@ def test_values_without_effect_have_their_prior_whatever_the_rounding(
     assert result.samples.shape[1] == 4
 
 
-def test_a_cancelled_fit_raises_at_its_next_step() -> None:
-    asked: list[None] = []
+def test_progress_can_end_a_fit_by_an_exception() -> None:
+    shares: list[float] = []
 
-    def cancelled() -> bool:
-        asked.append(None)
-        return len(asked) == 3
+    def progress(share: float, _step: str) -> None:
+        shares.append(share)
+        if len(shares) == 3:
+            raise Cancelled("no longer wanted")
 
     scan = exact_scan(0.5, 0.4, 0.0)
-    with pytest.raises(Cancelled, match="the fit was cancelled"):
-        fit_scans([scan], ROOM, BOARD, free_parameters(["x"], [""], ROOM, BOARD), cancelled=cancelled)
-    assert len(asked) == 3
+    with pytest.raises(Cancelled, match="no longer wanted"):
+        fit_scans([scan], ROOM, BOARD, free_parameters(["x"], [""], ROOM, BOARD), progress=progress)
+    assert len(shares) == 3
