@@ -196,7 +196,7 @@ class TextDevice(DevicePlugin):
         self._settings = read_lines_url(url)
         self._find = PortFinder(self._settings.port)
         self._decoder = make_decoder(self._settings.layout)
-        self._unit = UnitChoice(self._settings.layout.units)
+        self._unit = UnitChoice()
         self._link: Link | None = None
         self._steps = 0  # readings since the scan began, of a device that prints no angle
         self._bytes = 0

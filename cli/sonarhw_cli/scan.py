@@ -273,8 +273,7 @@ class _Terminal:
             self._sweep = reading.sweep
             self._advance()
 
-    def warn(self, message: str) -> None:
-        options.warn(message)
+    warn = staticmethod(options.warn)
 
     def _print(self, line: str) -> None:
         # writing to a pipe may block; an interruption is safe, because the log has no incomplete reading now
@@ -435,8 +434,7 @@ class _PingTerminal:
         with self.interrupted.at_once():  # writing to a pipe may block
             options.print_line(f"{reading.time - self._began:9.3f} s  {row}{ranges + ' m' if ranges else 'no echo'}")
 
-    def warn(self, message: str) -> None:
-        options.warn(message)
+    warn = staticmethod(options.warn)
 
 
 def trace_row(trace: "Trace", speed_of_sound: float, reach: float) -> str:
@@ -583,8 +581,7 @@ class _Publisher:
         for sweep in self._sweeps.add(reading, self._of_each):
             self._publish(sweep)
 
-    def warn(self, message: str) -> None:
-        options.warn(message)
+    warn = staticmethod(options.warn)
 
     def end(self) -> None:
         """Publish the last sweep, which may be incomplete."""

@@ -36,16 +36,16 @@ _MOST_TEXT = 200 * 2**20  # bytes of a file
 
 
 @dataclass(frozen=True)
-class TextScan:
-    """The readings in a text, and how they were read."""
+class ImportedScan:
+    """The readings of a text or file of another program."""
 
     readings: list[Reading]
-    notes: tuple[str, ...]  # units and columns, with the evidence; what was left out
+    notes: tuple[str, ...]  # how it was read: format, or units and columns with the evidence, and what was left out
 
 
 def read_text_scan(
     file: Path, meaning: Meaning, layout: Layout | None = None, stated: Layout | None = None
-) -> TextScan:
+) -> ImportedScan:
     """Return the readings of a text file, at least one.
 
     Without a `layout` one is proposed; `stated` are the units and the step that the user states. Raises InputError with
@@ -56,14 +56,14 @@ def read_text_scan(
 
 def text_scan(
     where: str, data: bytes, meaning: Meaning, layout: Layout | None = None, stated: Layout | None = None
-) -> TextScan:
+) -> ImportedScan:
     """Return the readings of a text, as `read_text_scan`."""
     proposal = LayoutProposal() if layout else propose(data, begins_whole=True, known=stated)
     if layout is None:
         layout = _decided(where, proposal)
         meaning = replace(meaning, sign=-meaning.sign) if proposal.clockwise else meaning
     decoder = make_decoder(layout, begins_whole=True)
-    unit = UnitChoice(layout.units)
+    unit = UnitChoice()
     try:
         printed = [*decoder.feed(data), *decoder.end()]
         decided = [reading for _, reading in unit.add([(0.0, reading) for reading in printed], last=True)]
@@ -83,7 +83,7 @@ def text_scan(
     far = f"angles far from their neighbours ({dropped})" if dropped else ""
     left_out = ", ".join(filter(None, (ignored, far)))
     facts = (read_as, *proposal.evidence, *unit.notes, encoding, f"ignored: {left_out}" if left_out else "")
-    return TextScan(readings, tuple(filter(None, facts)))
+    return ImportedScan(readings, tuple(filter(None, facts)))
 
 
 def _content(file: Path) -> bytes:
@@ -450,14 +450,6 @@ def _profile(where: str, frame: bytes) -> tuple[int, Trace] | None:
 # Any file of another program.
 
 
-@dataclass(frozen=True)
-class ImportedScan:
-    """The readings of a file of another program."""
-
-    readings: list[Reading]
-    notes: tuple[str, ...]  # how the file was read
-
-
 def read_scan(
     file: Path,
     meaning: Meaning | None = None,
@@ -472,11 +464,9 @@ def read_scan(
     meaning = meaning or Meaning()
     chosen = import_format(file, meaning.rate, name)
     if chosen is TEXT:
-        scan = read_text_scan(file, meaning, layout, stated)
-        return ImportedScan(scan.readings, scan.notes)
+        return read_text_scan(file, meaning, layout, stated)
     if chosen is JSON_MCAP:
-        scan = text_scan(str(file), json_messages(file), meaning, layout, stated)
-        return ImportedScan(scan.readings, scan.notes)
+        return text_scan(str(file), json_messages(file), meaning, layout, stated)
     return ImportedScan(chosen.read(file, meaning), (f"read as {chosen.title}",))
 
 

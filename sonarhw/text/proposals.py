@@ -18,7 +18,6 @@ from sonarhw.text.layouts import (
     Columns,
     Layout,
     Printed,
-    Units,
     cells_of,
     columns_of,
     ends_of,
@@ -101,9 +100,8 @@ def propose(data: bytes, begins_whole: bool = False, known: Layout | None = None
 class UnitChoice:
     """Decides the unit of readings without one: holds them back until only one unit is plausible."""
 
-    def __init__(self, units: Units) -> None:
+    def __init__(self) -> None:
         self.notes: tuple[str, ...] = ()
-        self._stated = units.range
         self._unit: str | None = None
         self._held: list[tuple[float, Printed]] = []
 
