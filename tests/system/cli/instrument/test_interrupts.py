@@ -94,13 +94,13 @@ BUSY = "import hashlib" + CLEANUP.replace("time.sleep(60)", "hashlib.pbkdf2_hmac
 
 @contextmanager
 def begun(code: str, *arguments: str, folder: Path, environment: dict[str, str]) -> Iterator[subprocess.Popen[str]]:
-    """Yield a running Python program that has printed its first line."""
+    """Yield a running Python program that has printed `begun`."""
     command = [sys.executable, "-c", code, *arguments]
     pipe = subprocess.PIPE
     with subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, cwd=folder, env=environment) as process:
         try:
             assert process.stdout is not None
-            assert process.stdout.readline() == "begun\n"
+            assert "begun\n" in iter(process.stdout.readline, "")
             yield process
         finally:
             process.kill()
