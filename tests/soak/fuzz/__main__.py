@@ -18,6 +18,7 @@ import sonarhw_sim
 from sonarhw_cli.app import run
 
 import sonarhw
+from tests.soak.fuzz import fuzzed_plugin
 from tests.soak.fuzz.command_lines import BOARD, ROOM, Generator
 from tests.soak.fuzz.forked_run import faults_of
 
@@ -50,6 +51,7 @@ def main() -> int:
     os.environ.pop("DISPLAY", None)
     os.environ.pop("WAYLAND_DISPLAY", None)
     folder = Path(tempfile.mkdtemp(prefix="fuzz-", dir=_IN_MEMORY if _IN_MEMORY.is_dir() else None))
+    fuzzed_plugin.install(folder / "packages")
     _load_everything(folder)
     generator, found = Generator(folder, sys.argv[3:]), 0
     times: dict[str, list[float]] = defaultdict(list)

@@ -94,7 +94,26 @@ URLS = (
     *("rfc2217://127.0.0.1:1", "rfc2217://", "hwgrep://(", "hwgrep://nothing", "hwgrep://", "loop://", "loop://?x=1"),
     *("alt://x", "cp2110://x", "http://127.0.0.1", "fake:", "fake:?"),
     *("\x1b[2J", "a\0b", os.fsdecode(b"\xff"), "socket://\udcff:1", "socket://é:1", "x" * 5000, "fake:missing?place=x"),
+    *("hwgrep://(a%2B)%2B$", "hwgrep://(a|a)*b", "hwgrep://x&n=0", "hwgrep://x&skip_busy", "lines:", "lines:?baud=1"),
+    *("spy://loop://", "spy://missing?file=pipe", "spy://missing?file=/dev/null", "alt:///dev/null?class=Serial"),
 )
+# keys of a `lines:` URL
+LINES = {
+    "preset": ("arduino-radar", "csv", "jsonl", "nothing", "", "%1b"),
+    "pattern": (
+        *("Angle: {deg} Dist: {cm}", "{deg},{cm}", "{cm}", "{", "}", "{deg}{deg}{cm}", "{nothing}", "", "{deg}...{cm}"),
+        *("(?P<heading_deg>(\\d%2B)%2B),(?P<range_cm>\\d%2B)", "(?P<range_cm>", "(?P<range_x>.)", "(a{9999}){9999}"),
+    ),
+    "baud": ("9600", *NUMBERS),
+    "step": ("5", *NUMBERS),
+    "zero": ("90", *NUMBERS),
+    "unit": ("cm", "us", "furlong", "", "%00"),
+    "angle": ("deg", "rad", "gon", "step", "x"),
+    "turn": ("cw", "ccw", "", "left"),
+    "no_echo": ("0", *NUMBERS),
+    "ends": (".", "%0a", "", "ab", "%ff", "%1b"),
+    "x": ("1", ""),
+}
 TOML_VALUES = (
     *(
         "nan",

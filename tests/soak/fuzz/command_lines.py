@@ -11,7 +11,7 @@ import typer
 from sonarhw_cli.app import app
 from sonarhw_sim.board.profile import load_board
 
-from tests.soak.fuzz import boundaries
+from tests.soak.fuzz import boundaries, fuzzed_plugin
 from tests.soak.fuzz.boundaries import Chance, any_of
 from tests.soak.fuzz.damage import damaged_csv, damaged_toml
 from tests.soak.fuzz.damaged_logs import damaged_log, log_bytes
@@ -213,8 +213,16 @@ class Generator:
     def _url(self, chance: Chance, case: Case) -> str:
         if chance.hostile(0.5):
             return chance.choice(boundaries.URLS)
-        if chance.random() < 0.3:
+        kind = chance.random()
+        if kind < 0.3:
             return self._log(chance, case)
+        if kind < 0.5:
+            return f"{chance.choice([*fuzzed_plugin.SCHEMES])}:{chance.randrange(10**6)}"
+        if kind < 0.6:
+            keys = [*boundaries.LINES, chance.choice([*boundaries.LINES])]
+            chosen = chance.sample(keys, chance.randrange(1, 5))
+            port = chance.choice(("missing", "loop://", *boundaries.URLS))
+            return f"lines:{port}?{'&'.join(f'{key}={chance.choice(boundaries.LINES[key])}' for key in chosen)}"
         keys = {"pace": any_of(chance, boundaries.PACES, "max", 0.1)}
         for key, values in (
             ("place", boundaries.NAMES),

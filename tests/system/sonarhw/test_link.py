@@ -8,8 +8,9 @@ from typing import Any
 
 import pytest
 import serial
+from serial.tools.list_ports_common import ListPortInfo
 
-from sonarhw.errors import LinkError, LinkLost
+from sonarhw.errors import InputError, LinkError, LinkLost, SonarError
 from sonarhw.link import BOOTLOADER, Link, PortFinder
 from sonarhw.wire.limits import FIRST_BAUD
 from tests.hang_guard import wait_until
@@ -162,3 +163,30 @@ def number(terminal: str) -> int:
 def close(terminals: list[Ends]) -> None:
     for end in itertools.chain.from_iterable(terminals):
         os.close(end)
+
+
+@pytest.mark.parametrize(
+    ("url", "error", "message"),
+    [
+        ("hwgrep://(a+)+x", InputError, "takes more than a second; write it without a repetition"),
+        ("hwgrep://sonar-[a-c]", LinkError, "no port matches this pattern"),
+    ],
+)
+def test_a_pattern_of_port_names_is_matched_within_a_limit(
+    url: str, error: type[SonarError], message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sonarhw.link.comports", lambda: [ListPortInfo("/dev/" + 40 * "a")])
+    with pytest.raises(error, match=message):
+        Link(url)
+
+
+@pytest.mark.parametrize("options", ["", "&skip_busy"])
+def test_a_pattern_opens_the_port_whose_name_it_matches(options: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    master, slave = os.openpty()
+    monkeypatch.setattr("serial.tools.list_ports.comports", lambda _: [ListPortInfo(os.ttyname(slave))])
+    monkeypatch.setattr("sonarhw.link.comports", lambda: [ListPortInfo(os.ttyname(slave))])
+    with Link(f"hwgrep://PTS/[0-9]+{options}") as link:
+        os.write(master, b"reading")
+        assert link.read() == b"reading"
+    os.close(master)
+    os.close(slave)

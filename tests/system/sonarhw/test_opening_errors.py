@@ -1,14 +1,12 @@
 """The errors of a port that cannot be opened, from what pyserial reports on Linux, macOS and Windows."""
 
 import errno
-import os
 from pathlib import Path
 from typing import Any
 
 import pytest
 import serial
 from serial.serialutil import SerialException
-from serial.tools.list_ports_common import ListPortInfo
 
 from sonarhw.device.served import TcpServerPort, host_and_port
 from sonarhw.errors import InputError, LinkBusy, LinkError, LinkForbidden, LinkLost, SonarError
@@ -153,9 +151,7 @@ def test_an_invalid_url_is_refused(url: str, message: str) -> None:
         Link(url)
 
 
-@pytest.mark.parametrize(
-    "url", ["alt://x", "alt:///dev/null?class=None", "spy://missing", "cp2110://x", "hwgrep://x", "/"]
-)
+@pytest.mark.parametrize("url", ["alt://x", "alt:///dev/null?class=None", "spy://missing", "cp2110://x", "/"])
 def test_what_pyserial_cannot_open_gives_a_link_error_of_one_line(url: str) -> None:
     with pytest.raises(LinkError) as raised:
         Link(url)
@@ -172,34 +168,6 @@ def test_an_invalid_port_to_listen_on_is_refused(address: str) -> None:
 def test_an_invalid_host_to_listen_on_is_refused(host: str) -> None:
     with pytest.raises(SonarError):
         TcpServerPort(f"{host}:0")
-
-
-@pytest.mark.parametrize(
-    ("url", "error", "message"),
-    [
-        ("hwgrep://(a+)+x", InputError, "takes more than a second; write it without a repetition"),
-        ("hwgrep://sonar-[a-c]", LinkError, "no port matches this pattern"),
-    ],
-)
-def test_a_pattern_of_port_names_is_matched_within_a_limit(
-    url: str, error: type[SonarError], message: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("sonarhw.link.comports", lambda: [ListPortInfo("/dev/" + 40 * "a")])
-    with pytest.raises(error, match=message):
-        Link(url)
-
-
-@pytest.mark.parametrize("options", ["", "&skip_busy"])
-def test_a_pattern_opens_the_port_whose_name_it_matches(options: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("termios")
-    master, slave = os.openpty()
-    monkeypatch.setattr("serial.tools.list_ports.comports", lambda _: [ListPortInfo(os.ttyname(slave))])
-    monkeypatch.setattr("sonarhw.link.comports", lambda: [ListPortInfo(os.ttyname(slave))])
-    with Link(f"hwgrep://PTS/[0-9]+{options}") as link:
-        os.write(master, b"reading")
-        assert link.read() == b"reading"
-    os.close(master)
-    os.close(slave)
 
 
 def test_a_port_without_a_descriptor_is_polled_until_bytes_arrive(monkeypatch: pytest.MonkeyPatch) -> None:
