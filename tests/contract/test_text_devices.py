@@ -1,13 +1,14 @@
-"""Every promise to the user of a scanner holds for devices that print text, over a pseudo-terminal."""
+"""Devices that print text keep every promise of a scanner, over a pseudo-terminal; their text in a file, too."""
 
 import math
 import random
 import threading
-from collections.abc import Iterator
-from itertools import pairwise
+from collections.abc import Callable, Iterable, Iterator
+from itertools import islice, pairwise
 from pathlib import Path
 
 import pytest
+from sonarhw_compare.imports import Meaning, read_text_scan
 
 import sonarhw
 from sonarhw.errors import DeviceError, InputError, LinkLost, NoAnswer
@@ -17,7 +18,7 @@ from sonarhw.plugins import plugin_device
 from sonarhw.plugins.device_plugin import CheckedPlugin
 from sonarhw.plugins.plugin_device import PluginLink
 from sonarhw.readings import Origin, Reading, ScanOrder
-from sonarhw.text_device import TextDevice
+from sonarhw.text_device import TextDevice, read_lines_url
 from tests.fixtures.example_logs import METADATA
 from tests.fixtures.text_devices.mcap_bytes import received_bytes
 from tests.fixtures.text_devices.printing_device import SKETCHES, PrintingDevice, Sketch, wall
@@ -38,12 +39,6 @@ def sketch(request: pytest.FixtureRequest) -> Sketch:
     return SKETCHES[request.param]
 
 
-@pytest.fixture
-def scanner(sketch: Sketch) -> Iterator[Scanner]:
-    with PrintingDevice(sketch.rounds()) as device, open_device(device.port, sketch.query) as scanner:
-        yield scanner
-
-
 def sweeps(count: int) -> ScanOrder:
     return ScanOrder(0.0, 1.0, 1, sweeps=count)
 
@@ -60,70 +55,53 @@ def assert_true(readings: list[Reading]) -> None:
         assert degrees(reading) == pytest.approx(math.degrees(reading.angle), abs=1e-5)
 
 
-def test_a_sweep_gives_every_angle_once_with_its_range(sketch: Sketch, scanner: Scanner) -> None:
-    readings = list(scanner.scan())
+def assert_sweeps(sketch: Sketch, readings: list[Reading], count: int) -> None:
+    """Assert that so many sweeps are whole, each angle once, and numbered in order of time."""
     assert_true(readings)
-    angles = [degrees(reading) for reading in readings]
-    assert len(angles) == len(set(angles))
-    # the radar of 15 to 165 prints one of its ends only once in a round
-    assert sketch.sweep - set(angles) <= {15}
-    assert {reading.sweep for reading in readings} == {0}
     assert [reading.number for reading in readings] == list(range(len(readings)))
-
-
-def test_sweeps_are_numbered_and_times_grow(sketch: Sketch, scanner: Scanner) -> None:
-    readings = list(scanner.scan(sweeps(3)))
-    assert_true(readings)
-    assert {reading.sweep for reading in readings} == {0, 1, 2}
-    for sweep in range(3):
-        found = {degrees(reading) for reading in readings if reading.sweep == sweep}
-        assert sketch.sweep - found <= {15}
+    for sweep in range(count):
+        angles = [degrees(reading) for reading in readings if reading.sweep == sweep]
+        assert len(angles) == len(set(angles))
+        # the radar of 15 to 165 prints one of its ends only once in a round
+        assert sketch.sweep - set(angles) <= {15}
+    assert {reading.sweep for reading in readings} == {*range(count)}
     times = [reading.time for reading in readings]
     assert times == sorted(set(times))
-    assert all(reading.origin is Origin.MEASURED for reading in readings)
 
 
-def test_two_successive_scans_are_both_whole(sketch: Sketch, scanner: Scanner) -> None:
-    for _ in range(2):
-        readings = list(scanner.scan())
-        assert sketch.sweep - {degrees(reading) for reading in readings} <= {15}
-        assert_true(readings)
-
-
-def test_the_log_has_the_delivered_readings_and_the_bytes_as_received(sketch: Sketch, tmp_path: Path) -> None:
-    path = tmp_path / "scan.mcap"
-    device = PrintingDevice(sketch.rounds())
+def test_the_log_of_successive_scans_has_their_whole_sweeps_and_the_bytes(sketch: Sketch, tmp_path: Path) -> None:
+    path, device = tmp_path / "scan.mcap", PrintingDevice(sketch.rounds())
     with device, open_device(device.port, sketch.query) as scanner, LogWriter(path, METADATA) as log:
         scanner.record(log)
-        readings = list(scanner.scan(sweeps(2)))
+        scans = [list(scanner.scan(sweeps(count))) for count in (3, 1)]
         scanner.record(None)
-    recorded = read_log(path)
-    assert recorded.torn is None
-    assert len(recorded.scans) == 1
-    assert recorded.scans[0].expected == len(readings)
-    assert [(r.number, r.sweep, r.angle, r.echo_times, r.time) for r in recorded.readings] == [
-        (r.number, r.sweep, r.angle, r.echo_times, r.time) for r in readings
-    ]
-    raw = received_bytes(path)
-    assert raw in bytes(device.written)
-    assert b"".join(data for _, data in recorded.frames.received_bytes()) == raw
+    recorded, raw = read_log(path), received_bytes(path)
     copy_log(recorded, tmp_path / "copy.mcap")
-    assert received_bytes(tmp_path / "copy.mcap") == raw
-    assert [r.echo_times for r in read_log(tmp_path / "copy.mcap").readings] == [r.echo_times for r in readings]
+    for log in (recorded, read_log(tmp_path / "copy.mcap")):
+        assert log.torn is None
+        assert_sweeps(sketch, scans[0], 3)
+        assert sketch.sweep - {degrees(reading) for reading in scans[1]} <= {15}
+        for scan, readings in zip(log.scans, scans, strict=True):
+            assert_true(readings)
+            assert all(reading.origin is Origin.MEASURED for reading in readings)
+            assert scan.expected == len(readings)
+            assert [(r.number, r.sweep, r.angle, r.echo_times, r.time) for r in scan.readings] == [
+                (r.number, r.sweep, r.angle, r.echo_times, r.time) for r in readings
+            ]
+        assert b"".join(data for _, data in log.frames.received_bytes()) == raw
+    assert raw in bytes(device.written)
     assert sketch.line(sketch.angles[-1]).encode() in raw
 
 
-def test_stop_from_another_thread_ends_a_scan_and_keeps_its_readings(sketch: Sketch, scanner: Scanner) -> None:
-    readings = []
-    stopper = threading.Thread(target=scanner.stop)
-    for reading in scanner.scan(sweeps(1000)):
-        readings.append(reading)
-        if reading.number == 3:
-            stopper.start()
-    stopper.join()
-    assert len(readings) >= 4
+def test_a_file_of_the_same_text_has_the_same_sweeps(sketch: Sketch, tmp_path: Path) -> None:
+    path, url = tmp_path / "capture.txt", read_lines_url(f"lines:port?{sketch.query}")
+    path.write_bytes(b"".join(islice(sketch.rounds(), 3 * len(sketch.angles))))
+    zero, one = url.turntable_angle(0), url.turntable_angle(1)
+    meaning = Meaning(sign=1 if one > zero else -1, zero=math.degrees(zero))
+    readings = read_text_scan(path, meaning, url.layout).readings
     assert_true(readings)
-    assert_true(list(scanner.scan()))
+    angles = [degrees(reading) for reading in readings if reading.sweep == 0]
+    assert sketch.sweep - set(angles) <= {15}
 
 
 def damaged(sketch: Sketch, rng: random.Random) -> Iterator[bytes]:
@@ -155,29 +133,31 @@ def test_damage_is_counted_and_never_taken_for_a_reading(sketch: Sketch) -> None
     assert ignored["half lines"] >= 1
 
 
-def test_a_wrong_baud_rate_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(plugin_device, "time", ReceivedClock(monkeypatch, 500))
-    wrong = (random.Random(k).randbytes(30).replace(b",", b"\xff") for k in range(10**9))
-    with (
-        PrintingDevice(wrong) as device,
-        pytest.raises(NoAnswer, match=r"mostly not text; the baud rate may not be 9600"),
-    ):
-        open_device(device.port)
-
-
-def test_another_format_is_reported_with_an_example(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(plugin_device, "time", ReceivedClock(monkeypatch, 500))
-    sketch = SKETCHES["Angle and Distance in words"]
-    with (
-        PrintingDevice(sketch.rounds()) as device,
-        pytest.raises(NoAnswer, match=r"such as 'Angle: \d+.* expected 'R0123'"),
-    ):
-        open_device(device.port, "preset=maxbotix&step=5")
-
-
-def test_a_silent_device_is_reported() -> None:
-    with PrintingDevice([]) as device, pytest.raises(NoAnswer, match="nothing was received; check the cable"):
-        open_device(device.port, patience=0.2)
+@pytest.mark.parametrize(
+    ("pieces", "query", "message"),
+    [
+        (
+            lambda: (random.Random(k).randbytes(30).replace(b",", b"\xff") for k in range(10**9)),
+            RADAR.query,
+            r"mostly not text; the baud rate may not be 9600",
+        ),
+        (
+            SKETCHES["Angle and Distance in words"].rounds,
+            "preset=maxbotix&step=5",
+            r"such as 'Angle: \d+.* expected 'R0123'",
+        ),
+        (list, RADAR.query, "nothing was received; check the cable"),
+    ],
+    ids=["wrong baud rate", "another format", "silent"],
+)
+def test_a_device_without_readings_is_reported_with_the_reason(
+    pieces: Callable[[], Iterable[bytes]], query: str, message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    silent = pieces is list
+    if not silent:
+        monkeypatch.setattr(plugin_device, "time", ReceivedClock(monkeypatch, 500))
+    with PrintingDevice(pieces()) as device, pytest.raises(NoAnswer, match=message):
+        open_device(device.port, query, patience=0.2 if silent else PATIENCE)
 
 
 @pytest.fixture

@@ -4,8 +4,6 @@ import errno
 import importlib
 import json
 import math
-import os
-import subprocess
 import sys
 import threading
 import time
@@ -14,8 +12,10 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from importlib.metadata import EntryPoint
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
+from sonarhw_cli.app import run
 
 from sonarhw.errors import DeviceError, InputError, LinkLost
 from sonarhw.host.scanner import Scanner
@@ -49,20 +49,39 @@ def installed(tmp_path: Path) -> Path:
     return folder
 
 
-def sonarhw(packages: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    path = os.pathsep.join((str(packages), os.environ.get("PYTHONPATH", "")))
-    return subprocess.run(
-        [sys.executable, "-m", "sonarhw", *arguments],
-        env={**os.environ, "PYTHONPATH": path},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+class Done(NamedTuple):
+    """How a command has ended, and what it has printed."""
+
+    returncode: int
+    stdout: str
+    stderr: str
 
 
-def test_a_device_that_turns_by_itself_is_scanned(installed: Path, tmp_path: Path) -> None:
+Command = Callable[..., Done]
+
+
+@pytest.fixture
+def sonarhw(installed: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Iterator[Command]:
+    """Return a function that runs a command where the example is installed."""
+    monkeypatch.syspath_prepend(installed)
+
+    def command(*words: str) -> Done:
+        forget_packages()
+        return Done(run([*words]), *capfd.readouterr())
+
+    yield command
+    forget_packages()
+
+
+def forget_packages() -> None:
+    """Look for installed packages again, as a new process does."""
+    device_plugin._installed.cache_clear()
+    sys.modules.pop("rangebox", None)
+
+
+def test_a_device_that_turns_by_itself_is_scanned(sonarhw: Command, tmp_path: Path) -> None:
     log = tmp_path / "scan.mcap"
-    done = sonarhw(installed, "scan", "rangebox:2.5", "--out", str(log), "--sweeps", "2")
+    done = sonarhw("scan", "rangebox:2.5", "--out", str(log), "--sweeps", "2")
     assert (done.returncode, done.stderr.splitlines()[0]) == (0, f"60 readings, 60 with an echo, in {log}")
     recorded = read_log(log)
     assert {round(reading.range or 0, 6) for reading in recorded.readings} == {2.5}
@@ -72,10 +91,10 @@ def test_a_device_that_turns_by_itself_is_scanned(installed: Path, tmp_path: Pat
     assert b";31;32;" in received_bytes(log)
 
 
-def test_a_device_that_takes_orders_measures_at_the_chosen_angles(installed: Path, tmp_path: Path) -> None:
+def test_a_device_that_takes_orders_measures_at_the_chosen_angles(sonarhw: Command, tmp_path: Path) -> None:
     log = tmp_path / "scan.mcap"
     options = ("--from", "-20", "--to", "20", "--step", "10", "--pings", "2")
-    done = sonarhw(installed, "scan", "turret:1", "--out", str(log), *options)
+    done = sonarhw("scan", "turret:1", "--out", str(log), *options)
     assert done.returncode == 0, done.stderr
     readings = read_log(log).readings
     assert [(round(r.angle * 57.29578), r.ping) for r in readings] == [
@@ -84,15 +103,15 @@ def test_a_device_that_takes_orders_measures_at_the_chosen_angles(installed: Pat
     assert all(len(reading.echo_times) == 2 for reading in readings)
 
 
-def test_it_identifies_itself(installed: Path) -> None:
-    done = sonarhw(installed, "info", "--json", "rangebox:2.5")
+def test_it_identifies_itself(sonarhw: Command) -> None:
+    done = sonarhw("info", "--json", "rangebox:2.5")
     found = json.loads(done.stdout)
     keys = ("firmware", "serial", "protocol", "origin")
     assert [found[key] for key in keys] == ["Range box", "7", None, "measured"]
 
 
-def test_its_own_errors_are_one_line(installed: Path, tmp_path: Path) -> None:
-    done = sonarhw(installed, "scan", "rangebox:far", "--out", str(tmp_path / "x.mcap"))
+def test_its_own_errors_are_one_line(sonarhw: Command, tmp_path: Path) -> None:
+    done = sonarhw("scan", "rangebox:far", "--out", str(tmp_path / "x.mcap"))
     assert (done.returncode, done.stderr) == (2, "sonarhw: rangebox:far: expected rangebox:METRES\n")
 
 
@@ -116,12 +135,12 @@ def test_a_broken_plugin_is_one_line(value: str, message: str, tmp_path: Path, m
 
 
 @pytest.mark.parametrize("scheme", ["fake", "rangebox"])
-def test_a_scheme_that_two_packages_claim_is_refused_with_both(scheme: str, installed: Path, tmp_path: Path) -> None:
+def test_a_scheme_that_two_packages_claim_is_refused_with_both(scheme: str, sonarhw: Command, tmp_path: Path) -> None:
     second = tmp_path / "packages" / "thief-2.0.dist-info"
     second.mkdir()
     (second / "METADATA").write_text("Metadata-Version: 2.1\nName: thief\nVersion: 2.0\n")
     (second / "entry_points.txt").write_text(f"[{device_plugin.GROUP}]\n{scheme} = json:loads\n")
-    done = sonarhw(installed, "info", f"{scheme}://simple?place=figure9")
+    done = sonarhw("info", f"{scheme}://simple?place=figure9")
     owner = {"rangebox": "rangebox:RangeBox of the package"}
     assert done.returncode == 2
     assert owner.get(scheme, "sonarhw itself") in done.stderr
@@ -286,11 +305,13 @@ def test_a_scan_keeps_its_good_measurements() -> None:
         assert any("an angle beyond" in kind for kind in scanner.ignored)
 
 
-def test_a_plugin_that_fails_during_a_scan_keeps_the_readings_so_far(installed: Path, tmp_path: Path) -> None:
+def test_a_plugin_that_fails_during_a_scan_keeps_the_readings_so_far(
+    sonarhw: Command, installed: Path, tmp_path: Path
+) -> None:
     code = (installed / "rangebox.py").read_text()
     (installed / "rangebox.py").write_text(code.replace("self._count += 1", "self._count += 1 // (self._count < 200)"))
     log = tmp_path / "scan.mcap"
-    done = sonarhw(installed, "scan", "rangebox:2.5", "--out", str(log), "--sweeps", "20")
+    done = sonarhw("scan", "rangebox:2.5", "--out", str(log), "--sweeps", "20")
     kept = len(read_log(log).readings)
     assert (done.returncode, kept > 50) == (1, True)
     assert "the plug-in rangebox:RangeBox of the package sonarhw-rangebox" in done.stderr

@@ -274,6 +274,36 @@ def test_a_stop_of_the_process_is_no_loss(served: Serve, monkeypatch: pytest.Mon
         assert scanner.statistics.losses == 0
 
 
+class InterruptedRecorder:
+    """A recorder with a lock, as that of a log, and with a signal handler that stops the scanner at the first frame."""
+
+    def __init__(self, scanner: Scanner) -> None:
+        self._scanner = scanner
+        self._lock = threading.RLock()
+        self.frames = 0
+
+    def frame(self, received: bool, time: float, wire: bytes) -> None:
+        with self._lock:
+            self.frames += 1
+            if self.frames == 1:
+                self._scanner.stop()
+
+    def reading(self, reading: Reading) -> None:
+        """Do nothing."""
+
+
+def test_a_stop_by_a_signal_handler_while_a_recording_begins_does_not_block(served: Serve) -> None:
+    with served() as endpoint, Scanner.open(endpoint.url) as scanner:
+        recorder = InterruptedRecorder(scanner)
+        recording = threading.Thread(target=scanner.record, args=(recorder,), daemon=True)
+        recording.start()
+        recording.join(HANG)
+        assert not recording.is_alive()
+        assert recorder.frames == 3  # Hello, Info, Capabilities
+        scanner.record(None)
+        assert scanner.turn(0.1) is Outcome.DONE
+
+
 def test_a_request_that_does_not_fit_a_message_is_refused_before_it_is_sent(served: Serve) -> None:
     with served() as endpoint, Scanner.open(endpoint.url) as scanner:
         scanner.home()
