@@ -22,7 +22,7 @@ from sonarhw_sim.room.room import Place
 
 from sonarhw import Scanner, sector
 from sonarhw.device.emulated_board import emulated_board
-from tests.unit.compare.plate.plate_scans import (
+from tests.fixtures.plate_scans import (
     ALONE,
     DISTANCES,
     LISTEN,

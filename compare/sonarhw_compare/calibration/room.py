@@ -205,6 +205,8 @@ def _certain_runs(
     """Return the runs that are not by chance, with their ends."""
     values, enough = _consensus(ranges, covered, places)
     runs = [(run, float(np.median(values[run]))) for run in _runs(values, enough) if len(run) >= _SHORTEST]
+    if not runs:
+        return []
     by_chance = _runs_by_chance(*_without(runs, ranges, covered), places, random)
     runs = [(run, middle) for run, middle in runs if not _is_by_chance(run, middle, by_chance)]
     return _joined([_longer(run, middle, ranges) for run, middle in runs])

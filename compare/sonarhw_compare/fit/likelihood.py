@@ -132,23 +132,36 @@ def _touches(paths: Paths, room: Room, materials: list[str]) -> FloatArray:
     return np.ascontiguousarray(rows[paths.surfaces].sum(axis=1))
 
 
+_SAME_POINT = 1e-9  # m
+
+
 def _image_moves(paths: Paths, room: Room, walls: list[str]) -> tuple[FloatArray, FloatArray]:
     """Return the derivatives of `out` and `back` by the shift of each wall to its left, both (k, 2, walls)."""
     if not walls:
         return np.zeros((len(paths), 2, 0)), np.zeros((len(paths), 2, 0))
     columns = {room.names.index(name): column for column, name in enumerate(walls)}
-    touched, after, bent = paths.surfaces >= 0, _after_bend(paths), paths.edges >= 0
+    after, bent = _after_bend(paths), paths.edges >= 0
+    # floor, ceiling and lids mirror nothing in the plan
+    upright = (paths.surfaces >= 0) & (paths.surfaces < len(room.walls) + len(room.posts))
     corners = np.zeros((len(paths), len(walls)), np.complex128)
-    for edge in np.unique(paths.edges[bent]).tolist():
+    for edge in np.unique(paths.edges[_in_plan(paths, room)]).tolist():
         x, y = corner_moves(room, room.edges.points[edge], columns)
         corners[paths.edges == edge] = x + 1j * y
-    normals = _touched_normals(paths, left_normals(room.walls))
+    normals = _touched_normals(paths, left_normals(room.walls), upright)
     by_touch = np.zeros((*paths.surfaces.shape, len(walls)))
     for surface, column in columns.items():
         by_touch[..., column] = paths.surfaces == surface
-    out = _image_move(normals, touched & ~after, by_touch, corners)
-    back = _image_move(normals[:, ::-1], after[:, ::-1], by_touch[:, ::-1], corners)
+    out = _image_move(normals, upright & ~after, by_touch, corners)
+    back = _image_move(normals[:, ::-1], (upright & after)[:, ::-1], by_touch[:, ::-1], corners)
     return _as_vectors(out), _as_vectors(np.where(bent[:, None], back, 0.0))
+
+
+def _in_plan(paths: Paths, room: Room) -> BoolArray:
+    """Return which paths (k,) bend at an edge of the plan. Others bend at a rim, or at an edge of a section only.
+
+    Those keep their place and level until the next search.
+    """
+    return np.asarray((paths.edges >= 0) & (paths.edges < len(room.edges.points)))
 
 
 def _after_bend(paths: Paths) -> BoolArray:
@@ -158,23 +171,28 @@ def _after_bend(paths: Paths) -> BoolArray:
     return np.asarray(touched & (paths.edges >= 0)[:, None] & (number >= paths.bends[:, None]))
 
 
-def _touched_normals(paths: Paths, walls: FloatArray) -> NDArray[np.complex128]:
+def _touched_normals(paths: Paths, walls: FloatArray, upright: BoolArray) -> NDArray[np.complex128]:
     """Return the unit normal of the surface at each touch (k, t) as a complex number; at a post, of the reflection.
 
-    `walls` (n, 2) are the normals of the walls.
+    `walls` (n, 2) are the normals of the walls, and `upright` (k, t) are touches of walls and posts.
     """
     surfaces, after = paths.surfaces, _after_bend(paths)
     normals = (walls[:, 0] + 1j * walls[:, 1])[np.minimum(surfaces, len(walls) - 1)]
-    for path, touch in np.argwhere(surfaces >= len(walls)).tolist():
+    for path, touch in np.argwhere(upright & (surfaces >= len(walls))).tolist():
         # after the bend, the edge is one more point
         at = int((surfaces[path, : touch + 1] >= 0).sum()) + int(after[path, touch])
-        normals[path, touch] = complex(*_reflection_normal(paths.points[path, at - 1 : at + 2]))
+        normals[path, touch] = complex(*_reflection_normal(paths.outline(path), at))
     return normals
 
 
-def _reflection_normal(points: FloatArray) -> FloatArray:
-    """Return the unit normal at the second of three points (3, 2) of a reflection."""
-    come, go = np.diff(points, axis=0) / np.hypot(*np.diff(points, axis=0).T)[:, None]
+def _reflection_normal(outline: FloatArray, at: int) -> FloatArray:
+    """Return the unit normal at one of the points (n, 2) of a path that is reflected there.
+
+    At the foot of a post, the floor is touched at the same point of the plan.
+    """
+    apart = np.hypot(*(outline - outline[at]).T) > _SAME_POINT
+    legs = outline[at] - outline[:at][apart[:at]][-1], outline[at + 1 :][apart[at + 1 :]][0] - outline[at]
+    come, go = (leg / np.hypot(*leg) for leg in legs)
     return np.asarray((go - come) / np.hypot(*(go - come)))
 
 
@@ -644,9 +662,9 @@ _MOST = 4.0
 def edge_powers(paths: Paths, room: Room, materials: Sequence[str], search: PathSearch) -> FloatArray:
     """Return the power with which the reflectance of each material changes the amplitude of an edge, (k, materials).
 
-    It is 0 for paths without an edge. Each reflection of a path adds 1 to it.
+    It is 0 for paths without an edge of the plan. Each reflection of a path adds 1 to it.
     """
-    powers, bent = np.zeros((len(paths), len(materials))), np.flatnonzero(paths.edges >= 0)
+    powers, bent = np.zeros((len(paths), len(materials))), np.flatnonzero(_in_plan(paths, room))
     if not len(bent) or not materials:
         return powers
     where = paths.edges[bent], paths.bends[bent], paths.points[bent]

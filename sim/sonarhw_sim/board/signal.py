@@ -466,7 +466,7 @@ def _with_carrier(samples: ComplexArray, step: float, turns: float, count: int) 
 # The beam delays parts of the sound by at most the way across the face, out and back. Its spectrum is therefore
 # smooth, and its values at a few frequencies, the nodes, determine it in the whole band. The pulse of a node is what
 # the burst becomes if the beam is 1 at this node and 0 at the others. With 25 nodes (Polaroid 6500), a pulse is exact
-# to 10⁻⁴ of the echo straight ahead (`tests/unit/sim/board/test_first_echo.py`).
+# to 10⁻⁴ of the echo straight ahead (`tests/unit/sim/test_receiver.py`).
 
 
 _REACH = 40e3  # Hz to each side of the carrier: bursts have hardly any sound beyond

@@ -8,42 +8,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 from sonarhw_cli.app import run
-from sonarhw_compare.arcs import Arc
 from sonarhw_compare.fit import PlacedScan
-from sonarhw_compare.map import certainty_grid, find_features, map_scans, room_of, with_possible_walls
+from sonarhw_compare.map import map_scans
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.room import Place, Room, load_room
+from sonarhw_sim.room.room import Place, load_room
 
 from sonarhw.errors import InputError
-from sonarhw.readings import Reading
+from tests.fixtures.predicted_readings import predicted_readings, predicted_scan, readings_of
 from tests.fixtures.rooms_for_tests import polygon_room
 
 BOARD = load_board("paper")
-SPEED = 344.0
-
-
-def reading(number: int, degrees: float, distance: float) -> Reading:
-    times = () if math.isnan(distance) else (2 * distance / SPEED,)
-    return Reading(number, 0, 0, math.radians(degrees), 0.0, times, SPEED)
-
-
-def scan_from(room: Room, position: tuple[float, float]) -> PlacedScan:
-    place, degrees = Place("", position), np.arange(0.0, 360.0, 2.0)
-    ranges = predict_scan(room, place, BOARD, np.radians(degrees)).ranges.tolist()
-    return PlacedScan([reading(k, *pair) for k, pair in enumerate(zip(degrees.tolist(), ranges, strict=True))], place)
-
-
-def arc(centre: tuple[float, float], target: tuple[float, float]) -> Arc:
-    """Return an arc with its middle at a target."""
-    dx, dy = np.subtract(target, centre)
-    return Arc(0, (), centre, math.hypot(dx, dy), math.atan2(dy, dx), math.radians(8))
 
 
 def test_a_map_contains_the_room_without_its_images() -> None:
     """Without a room, sound is followed in a room of the found walls."""
     room = polygon_room([(0.0, 0.0), (3.0, 0.0), (3.0, 2.0), (0.0, 2.0)])
-    scans = [scan_from(room, position) for position in ((0.8, 0.7), (1.5, 1.3), (2.2, 0.9), (1.2, 0.6))]
+    scans = [
+        predicted_scan(room, Place("", position), BOARD, 2.0)
+        for position in ((0.8, 0.7), (1.5, 1.3), (2.2, 0.9), (1.2, 0.6))
+    ]
     found = map_scans(scans, BOARD)
     assert sorted(round(math.degrees(wall.normal)) % 360 for wall in found.direct.features.walls) == [0, 90, 180, 270]
     for wall in found.direct.features.walls:
@@ -63,7 +46,7 @@ def positions(points: object) -> list[tuple[float, float]]:
 
 def test_the_false_wall_of_figure_9_is_rejected() -> None:
     room = load_room("rooms/simple.toml")
-    scan = scan_from(room, room.places["figure9"].position)
+    scan = predicted_scan(room, room.places["figure9"], BOARD, 2.0)
     found = map_scans([scan], BOARD, room)
     down = 135  # the reading at 270°, where the wall is at 85 mm and the range is 827 mm
     assert scan.readings[down].range == pytest.approx(0.827, abs=0.002)
@@ -73,73 +56,6 @@ def test_the_false_wall_of_figure_9_is_rejected() -> None:
     assert found.plain.grid.at(false_wall)[0] > 0
     assert found.direct.grid.at(false_wall)[0] <= 0
     assert found.direct.grid.at(np.array([[0.774, 0.742]]))[0] > 0
-
-
-def test_a_reading_marks_its_cone_empty_and_its_end_occupied() -> None:
-    scan = PlacedScan([reading(0, 90.0, 1.0), reading(1, 0.0, math.nan)], Place("", (0.2, 0.1)))
-    grid = certainty_grid([scan], BOARD, [np.ones(2, dtype=np.bool_)])
-    on_axis, at_end, aside, behind, silent = grid.at(
-        np.array([[0.2, 0.6], [0.2, 1.1], [0.6, 0.6], [0.2, 1.3], [0.7, 0.1]])
-    )
-    assert on_axis < -0.5
-    assert at_end > 0.9
-    assert (aside, behind, silent) == (0, 0, 0)
-
-
-def test_an_empty_cell_is_not_occupied_by_another_reading() -> None:
-    """Two points on the arc of a near reading, equally far from its axis; a far reading passes through one of them."""
-    place, near, far = Place("", (0.0, 0.0)), reading(0, 10.0, 0.6), reading(1, 0.0, 1.5)
-    spots = [[0.6 * math.cos(math.radians(at)), 0.6 * math.sin(math.radians(at))] for at in (2.0, 18.0)]
-
-    def filled(*readings: Reading) -> list[float]:
-        grid = certainty_grid([PlacedScan(readings, place)], BOARD, [np.ones(len(readings), dtype=np.bool_)], 0.005)
-        column, row = np.floor((np.array(spots) - (grid.left, grid.bottom)) / grid.cell).astype(int).T
-        return grid.occupied[row, column].tolist()
-
-    seen_through, beside = filled(near)
-    assert seen_through == pytest.approx(beside, rel=0.05)
-    seen_through, beside = filled(near, far)
-    assert seen_through < 0.5 * beside
-
-
-def test_two_places_distinguish_a_wall_from_a_point() -> None:
-    centres = [(0.0, 0.0), (0.6, 0.1)]
-    wall = find_features([arc(centre, (centre[0], 1.0)) for centre in centres])
-    assert [round(math.degrees(one.normal)) for one in wall.walls] == [90]
-    np.testing.assert_allclose([wall.walls[0].start[1], wall.walls[0].end[1]], 1.0, atol=1e-6)
-    point = find_features([arc(centre, (0.4, 1.0)) for centre in centres])
-    (found,) = point.points
-    np.testing.assert_allclose(found.position, (0.4, 1.0), atol=1e-6)
-    assert not found.is_corner
-
-
-def test_one_place_gives_arcs_only() -> None:
-    features = find_features([arc((0.0, 0.0), (0.0, 1.0)), arc((0.01, 0.0), (0.01, 1.0))])
-    assert (features.walls, features.points) == ((), ())
-    assert len(features.alone) == 2
-
-
-@pytest.mark.parametrize(
-    ("x", "behind", "possible"),
-    [
-        (0.45, 1.0, True),
-        (0.06, 1.0, True),
-        (0.04, 1.0, False),
-        (0.84, 1.0, True),
-        (0.86, 1.0, False),
-        (0.45, 0.11, True),
-        (0.45, 0.09, False),
-        (0.45, -0.4, False),
-        (1.5, 1.0, False),
-    ],
-)
-def test_a_wall_through_which_a_scan_detects_echoes_is_possible_only(x: float, behind: float, possible: bool) -> None:
-    centres = [(0.0, 0.0), (0.4, 0.1), (0.9, 0.05)]
-    features = find_features([arc(centre, (centre[0], 1.0)) for centre in centres])
-    looking_up = PlacedScan([reading(k, 84.0 + 3 * k, 0.8 + behind) for k in range(5)], Place("", (x, 0.2)))
-    marked = with_possible_walls(features, [looking_up], BOARD, [np.ones(5, dtype=np.bool_)])
-    assert [wall.possible for wall in marked.walls] == [possible]
-    assert (room_of(marked) is None) == possible
 
 
 def test_a_map_without_paths_for_most_echoes_gives_a_warning(
@@ -153,7 +69,7 @@ def test_a_map_without_paths_for_most_echoes_gives_a_warning(
 
 
 def test_scans_without_an_echo_are_rejected() -> None:
-    silent = PlacedScan([reading(0, 0.0, math.nan)], Place("", (0.0, 0.0)))
+    silent = PlacedScan(readings_of([0.0], [math.nan]), Place("", (0.0, 0.0)))
     with pytest.raises(InputError, match="no reading has an echo"):
         map_scans([silent], BOARD)
 
@@ -209,7 +125,7 @@ def test_fewer_than_three_places_give_a_warning_and_only_possible_features(
 
 def test_readings_without_a_path_are_counted_as_not_determined() -> None:
     room = polygon_room([(0.0, 0.0), (3.0, 0.0), (3.0, 2.0), (0.0, 2.0)])
-    scan = scan_from(room, (0.8, 0.7))
+    scan = predicted_scan(room, Place("", (0.8, 0.7)), BOARD, 2.0)
     # the same room, but its right wall is 10 cm farther: paths off that wall do not explain these echoes
     other = polygon_room([(0.0, 0.0), (3.1, 0.0), (3.1, 2.0), (0.0, 2.0)])
     right, wrong = map_scans([scan], BOARD, room), map_scans([scan], BOARD, other)
@@ -236,7 +152,7 @@ def test_echoes_that_are_the_same_at_most_places_may_be_of_the_carrier(
     for number, (x, y) in enumerate(((0.8, 0.7), (1.5, 1.3), (2.2, 0.9), (1.2, 0.6))):
         table, log = tmp_path / f"{number}.csv", tmp_path / f"{number}.mcap"
         lines = ["deg,m"]
-        for one in scan_from(room, (x, y)).readings:
+        for one in predicted_readings(room, Place("", (x, y)), BOARD, 2.0):
             of_body = has_body and 20 <= math.degrees(one.angle) <= 50
             lines.append(f"{math.degrees(one.angle):.0f},{0.2 if of_body else one.range or 99}")
         table.write_text("\n".join(lines))

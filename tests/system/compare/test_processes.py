@@ -1,6 +1,5 @@
 """Processes that compute parts of a search: same results, errors as they are, and an end with the search."""
 
-import math
 import operator
 import os
 import select
@@ -11,10 +10,8 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from sonarhw_compare import processes as pool
-from sonarhw_compare.fit import PlacedScan
 from sonarhw_compare.locate import PoseSpread
 from sonarhw_compare.processes import LateProcesses, Processes, Unfinished, call_apart
 from sonarhw_compare.rooms import search
@@ -23,25 +20,13 @@ from sonarhw_compare.rooms.evidence import ROUGH, evidence_of
 from sonarhw_compare.rooms.refinement import refined
 from sonarhw_compare.rooms.search import find_room
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.room import Place, Room, load_room
+from sonarhw_sim.room.room import Place, load_room
 
 from sonarhw.errors import Cancelled, WorkersLost
-from sonarhw.readings import Reading
+from tests.fixtures.predicted_readings import predicted_scan
 from tests.hang_guard import HANG
 
 BOARD = load_board("hc-sr04")
-
-
-def scan_of(room: Room, place: Place) -> PlacedScan:
-    angles = np.arange(0.0, math.tau, math.radians(6))
-    ranges = predict_scan(room, place, BOARD, angles).ranges
-    speed = room.air.speed_of_sound
-    readings = [
-        Reading(k, 0, 0, angle, 0.1 * k, () if math.isnan(one) else (2 * one / speed,), speed)
-        for k, (angle, one) in enumerate(zip(angles.tolist(), ranges.tolist(), strict=True))
-    ]
-    return PlacedScan(readings, place, place.name)
 
 
 @pytest.fixture
@@ -90,16 +75,6 @@ def test_a_check_ends_the_wait_for_a_process() -> None:
     assert len(processes) == 0
 
 
-def test_processes_end_with_the_process_that_started_them() -> None:
-    # no `if __name__ == "__main__"`; the answer comes when the last process has closed standard error
-    script = (
-        "import os, signal; from sonarhw_compare.processes import Processes\n"
-        "Processes(2, 1).results(max, [(2,), (3,)], lambda: None); os.kill(os.getpid(), signal.SIGTERM)"
-    )
-    ended = subprocess.run([sys.executable, "-c", script], stderr=subprocess.PIPE, timeout=60, check=False)
-    assert (ended.returncode != 0, ended.stderr) == (True, b"")
-
-
 def test_processes_end_with_the_one_that_started_them_also_while_they_compute() -> None:
     script = (
         "import os, select, signal, threading; from sonarhw_compare.processes import Processes\n"
@@ -112,7 +87,10 @@ def test_processes_end_with_the_one_that_started_them_also_while_they_compute() 
 
 def test_two_processes_find_the_same_to_the_last_bit(two_cores: list[Processes]) -> None:
     room = load_room("simple")
-    scans = [scan_of(room, Place(name, at)) for name, at in (("a", (0.4, 0.3)), ("b", (0.6, 0.5)), ("c", (0.3, 0.5)))]
+    scans = [
+        predicted_scan(room, Place(name, at), BOARD, 6.0)
+        for name, at in (("a", (0.4, 0.3)), ("b", (0.6, 0.5)), ("c", (0.3, 0.5)))
+    ]
     spreads = [PoseSpread(), PoseSpread(0.01, 0.02), PoseSpread(0.01, 0.02)]
     found = []
     for least in (10_000, 0):
@@ -126,19 +104,9 @@ def test_two_processes_find_the_same_to_the_last_bit(two_cores: list[Processes])
     assert [len(one) for one in two_cores] == [0]  # they have ended
 
 
-def test_the_processes_of_one_search_compute_for_the_next(two_cores: list[Processes]) -> None:
-    with LateProcesses(2, 0) as late:
-        for owner, kept in (("first", 10), ("second", 20), ("second", 30), ("first", 40)):
-            processes = late.for_work(1, owner, lambda kept=kept: kept)
-            assert processes is not None
-            # what an owner has sent stays until another one sends
-            assert processes.results(operator.add, [(1,)], go_on) == [{30: 20}.get(kept, kept) + 1]
-        assert len(two_cores) == 1
-
-
 def test_a_cancelled_search_ends_its_processes(two_cores: list[Processes], monkeypatch: pytest.MonkeyPatch) -> None:
     room = load_room("simple")
-    scans = [scan_of(room, Place(name, at)) for name, at in (("a", (0.4, 0.3)), ("b", (0.6, 0.5)))]
+    scans = [predicted_scan(room, Place(name, at), BOARD, 6.0) for name, at in (("a", (0.4, 0.3)), ("b", (0.6, 0.5)))]
     monkeypatch.setattr(search, "LARGE", 0)
 
     def tick(_share: float) -> None:

@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from base64 import b64decode
+from collections.abc import Sequence
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -23,6 +24,7 @@ from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.room.room import load_room, parse_room
 
 from sonarhw.log import read_log
+from sonarhw.readings import Reading
 
 PICTURE = re.compile(r'src="data:image/([a-z]+)[^;]*;base64,([^"]+)"')
 
@@ -74,18 +76,6 @@ def report(log: Path) -> Report:
     return report_of(scan, room, place, load_board("paper"), options)
 
 
-@pytest.fixture(scope="module")
-def text(report: Report) -> str:
-    return report_html(report)
-
-
-def test_the_page_is_complete_and_has_no_external_parts(text: str) -> None:
-    page = Page(text)
-    assert page.open == []
-    assert page.external == []
-    assert "url(" not in text
-
-
 def test_the_report_on_a_log_is_the_same_file_each_time(log: Path, tmp_path: Path) -> None:
     here, there = tmp_path / "here.html", tmp_path / "there.html"
     assert run(["report", str(log), "--out", str(here)]) == 0
@@ -95,8 +85,10 @@ def test_the_report_on_a_log_is_the_same_file_each_time(log: Path, tmp_path: Pat
     assert here.read_bytes() == there.read_bytes()
 
 
-def test_every_reading_has_its_row_class_and_sentence(report: Report, text: str) -> None:
-    rows = [row for row in Page(text).rows if len(row) == 7][1:]
+def test_a_page_is_complete_and_every_reading_has_its_row_class_and_sentence(report: Report) -> None:
+    page = Page(report_html(report))
+    assert (page.open, page.external, "url(" in report_html(report)) == ([], [], False)
+    rows = [row for row in page.rows if len(row) == 7][1:]
     comparison = report.comparison
     assert len(rows) == 36
     assert len({row[5] for row in rows}) > 1
@@ -110,14 +102,20 @@ def region_rows(report: Report) -> list[list[str]]:
     return Page("".join(regions_table(report.comparison))).rows[1:]
 
 
-def test_measured_regions_are_listed_beside_predicted_ones(report: Report, log: Path, text: str) -> None:
-    assert [row for row in Page(text).rows if len(row) == 6][1:] == region_rows(report)
+def of_readings(report: Report, readings: Sequence[Reading], name: str = "x", **changes: object) -> Report:
+    """Return a report of other readings at the same place, or with another room, place or board."""
     scene = report.comparison.prediction
+    parts = {"room": scene.room, "place": scene.place, "board": scene.board} | changes
+    return report_of(GivenScan(name, tuple(readings)), **parts, options=PredictionOptions())  # type: ignore[arg-type]
+
+
+def test_measured_regions_are_listed_beside_predicted_ones(report: Report, log: Path) -> None:
+    assert [row for row in Page(report_html(report)).rows if len(row) == 6][1:] == region_rows(report)
     readings = [
         replace(one, echo_times=(0.002,)) if 95 < math.degrees(one.angle) < 145 else one
         for one in read_log(log).readings  # an object that the room lacks, at 0.34 m
     ]
-    with_object = report_of(GivenScan("x", tuple(readings)), scene.room, scene.place, scene.board, PredictionOptions())
+    with_object = of_readings(report, readings)
     listed = region_rows(with_object)
     found = region_details(with_object.comparison)
     assert found["pairs"]
@@ -131,28 +129,17 @@ def test_measured_regions_are_listed_beside_predicted_ones(report: Report, log: 
     assert [row[:2] for row in alone] == [[span(one), metres(one)] for one in found["only_measured"]]
     assert all(row[2:5] == ["", "", ""] for row in alone)
     assert len(listed) == sum(map(len, found.values()))
+    none = "".join(regions_table(of_readings(report, read_log(log).readings[:1]).comparison))
+    assert ("0 in both, 0 only in the scan, 0 only predicted" in none, "<table" in none) == (True, False)
 
 
 def test_a_false_wall_is_a_region_and_a_silent_region_is_only_predicted(report: Report, log: Path) -> None:
-    prediction, readings = report.comparison.prediction, read_log(log).readings
-    room = prediction.room
-    scene = (room, room.place("figure9"), prediction.board, PredictionOptions())
+    readings, place = read_log(log).readings, report.comparison.prediction.room.place("figure9")
     way = "three reflections, bottom, top, bottom"
     row = ["260.0 to 280.0", "0.827", "260.0 to 280.0", "0.827", "0", f"in both: {way}"]
-    assert row in region_rows(report_of(GivenScan("x", readings), *scene))
+    assert row in region_rows(of_readings(report, readings, place=place))
     silent = [replace(one, echo_times=()) if 255 < math.degrees(one.angle) < 285 else one for one in readings]
-    assert ["", "", *row[2:4], "", f"only predicted: {way}"] in region_rows(
-        report_of(GivenScan("x", tuple(silent)), *scene)
-    )
-
-
-def test_a_scan_without_regions_has_no_table_of_regions(report: Report, log: Path) -> None:
-    prediction = report.comparison.prediction
-    scene = (prediction.room, prediction.place, prediction.board, PredictionOptions())
-    short = report_of(GivenScan("x", read_log(log).readings[:1]), *scene)
-    listed = "".join(regions_table(short.comparison))
-    assert "0 in both, 0 only in the scan, 0 only predicted" in listed
-    assert "<table" not in listed
+    assert ["", "", *row[2:4], "", f"only predicted: {way}"] in region_rows(of_readings(report, silent, place=place))
 
 
 def span(region: dict[str, float]) -> str:
@@ -164,9 +151,8 @@ def metres(region: dict[str, float]) -> str:
     return f"{region['range_m']:.3f}"
 
 
-def test_pictures_have_valid_formats_and_a_scan_without_traces_has_no_bscan(
-    report: Report, log: Path, text: str
-) -> None:
+def test_pictures_have_valid_formats_and_a_scan_without_traces_has_no_bscan(report: Report, log: Path) -> None:
+    text = report_html(report)
     kinds = [kind for kind, _ in PICTURE.findall(text)]
     assert kinds == ["svg", "svg", "png"]
     for kind, content in PICTURE.findall(text):
@@ -174,19 +160,14 @@ def test_pictures_have_valid_formats_and_a_scan_without_traces_has_no_bscan(
             assert ElementTree.fromstring(b64decode(content)).tag.endswith("svg")
         else:
             assert b64decode(content).startswith(b"\x89PNG")
-    silent = [replace(reading, trace=None) for reading in read_log(log).readings]
-    prediction = report.comparison.prediction
-    without = report_of(
-        GivenScan("x", tuple(silent)), prediction.room, prediction.place, prediction.board, PredictionOptions()
-    )
+    without = of_readings(report, [replace(reading, trace=None) for reading in read_log(log).readings])
     assert [kind for kind, _ in PICTURE.findall(report_html(without))] == ["svg", "svg"]
 
 
 def test_report_scores_the_probabilities_and_draws_their_calibration_for_a_board_with_a_spread(report: Report) -> None:
-    prediction = report.comparison.prediction
     silent = [replace(row.reading, echo_times=(), trace=None) for row in report.comparison.rows]
-    board = replace(prediction.board, threshold_db=0.0, threshold_sd_db=2.0, range_sd=0.01)
-    made = report_of(GivenScan("x", tuple(silent)), prediction.room, prediction.place, board, PredictionOptions())
+    board = replace(report.comparison.prediction.board, threshold_db=0.0, threshold_sd_db=2.0, range_sd=0.01)
+    made = of_readings(report, silent, board=board)
     page, score = report_html(made), made.score
     assert [kind for kind, _ in PICTURE.findall(page)] == ["svg", "svg", "svg"]
     assert score is not None
@@ -196,13 +177,8 @@ def test_report_scores_the_probabilities_and_draws_their_calibration_for_a_board
 
 
 def test_names_from_files_are_escaped(report: Report, log: Path) -> None:
-    prediction = report.comparison.prediction
-    text = prediction.room.text.replace('name = "Simple room"', 'name = "<script>alert(1)</script>"')
-    room = parse_room(text, "room")
-    readings = read_log(log).readings
-    page = report_html(
-        report_of(GivenScan("<b>.mcap", readings), room, prediction.place, prediction.board, PredictionOptions())
-    )
+    text = report.comparison.prediction.room.text.replace('name = "Simple room"', 'name = "<script>alert(1)</script>"')
+    page = report_html(of_readings(report, read_log(log).readings, "<b>.mcap", room=parse_room(text, "room")))
     assert "<script>" not in page
     assert "<b>" not in page
     assert "&lt;script&gt;alert(1)&lt;/script&gt;, place" in page
@@ -212,11 +188,7 @@ def test_only_the_newest_of_many_readings_are_listed(
     report: Report, log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(report_module, "MOST_READINGS", 10)
-    prediction = report.comparison.prediction
-    readings = read_log(log).readings
-    short = report_of(
-        GivenScan("x", readings), prediction.room, prediction.place, prediction.board, PredictionOptions()
-    )
+    short = of_readings(report, read_log(log).readings)
     page = report_html(short)
     assert [row.reading.number for row in short.comparison.rows] == [*range(26, 36)]
     assert "The newest 10; 26 older ones are left out." in page

@@ -8,13 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from sonarhw_cli.app import run
-from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_compare.rooms.search import find_room
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.room import Place, Room, load_room
 
-from sonarhw.readings import Reading
+from tests.fixtures.predicted_readings import predicted_scan
 
 # an L: six walls, one of them hidden from each place
 CORNERS = [(0.0, 0.0), (3.0, 0.0), (3.0, 1.4), (1.8, 1.4), (1.8, 2.4), (0.0, 2.4)]
@@ -177,13 +176,8 @@ def test_what_contradicts_itself_is_refused(
 
 
 def test_a_room_with_corners_to_both_sides_is_found_from_all_echoes() -> None:
-    arena, board, angles = load_room("arena"), load_board("polaroid-6500"), np.radians(np.arange(0.0, 360.0, 5.0))
-    scans = []
-    for place in (arena.places[f"p{k}"] for k in range(5)):
-        predicted, speed = predict_scan(arena, place, board, angles), arena.air.speed_of_sound
-        times = [tuple(predicted.ping(k).echo_times()) for k in range(len(angles))]
-        readings = [Reading(k, 0, 0, float(angles[k]), 0.1 * k, times[k], speed) for k in range(len(angles))]
-        scans.append(PlacedScan(readings, place, place.name))
+    arena, board = load_room("arena"), load_board("polaroid-6500")
+    scans = [predicted_scan(arena, arena.places[f"p{k}"], board, every=True) for k in range(5)]
     found = find_room(scans, board, arena.air)
     # a search by the first echoes alone ends with seven walls, which explain 74 %, one by all alone with six right ones
     assert found.explained > 0.9 * found.echoes

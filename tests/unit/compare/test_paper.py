@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from sonarhw_compare.paper import figures
-from sonarhw_compare.paper.scenes import Claim, PaperScene, label_walls, sheet
+from sonarhw_compare.paper.scenes import Claim, PaperScene
 from sonarhw_sim.air import Model, Unit
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.room import parse_room
@@ -130,12 +130,6 @@ def test_rough_walls_are_not_lost_beyond_the_critical_angle(
     assert "; 0 of " in shown.measured  # headings are silent
 
 
-def test_robot_without_its_body_detects_the_false_wall_again() -> None:
-    bare = replace(figures.ROBOT, place="0.574,0.085", board="paper")
-    assert not figures.body_removes_the_false_wall(bare).holds
-    assert figures.lower_wall_is_false(bare).holds
-
-
 def test_single_readings_must_all_be_in_the_other_model() -> None:
     """The other model has an echo for some of them only, and where it has one, it agrees."""
 
@@ -159,26 +153,6 @@ def test_independent_model_hears_the_nearer_of_two_walls_up_to_the_critical_angl
         np.testing.assert_allclose(found, [np.nan, expected, expected, expected, np.nan, np.nan])
 
 
-def test_widths_differ_by_the_largest_difference_of_their_parts() -> None:
-    widths = (5, 6, 7)
-    for other, apart in (((5, 6, 7), 0), ((3, 6, 7), 2), ((5, 9, 6), 3), ((4, 6, 11), 4)):
-        assert figures.largest_difference(widths, other) == figures.largest_difference(other, widths) == apart
-
-
-def test_correlation_of_random_noise_is_small() -> None:
-    noise = np.random.default_rng(0).normal(size=(41, 72))
-    found, pairs = figures.correlation(noise[:-1], noise[1:])
-    assert pairs == 40 * 72
-    assert abs(found) < 0.1
-
-
-def test_scene_names_the_command_with_all_its_options() -> None:
-    assert figures.FIGURE_7_BOARD.command == (
-        "sonarhw simulate rooms/simple.toml --place figure7 --board polaroid-6500 --from 0 --to 360 --step 3 "
-        "--unit reflect --receiver board"
-    )
-
-
 def test_pulses_of_the_beam_figure_last_as_long_as_the_burst_and_the_delay_across_the_face() -> None:
     """A burst of 16 cycles of 49.412 kHz; a face of 19.2 mm radius."""
     exhibit = next(exhibit for exhibit in figures.EXHIBITS if exhibit.name == "figure5")
@@ -188,18 +162,3 @@ def test_pulses_of_the_beam_figure_last_as_long_as_the_burst_and_the_delay_acros
         heard = times[np.abs(pressure - pressure[0]) > 1e-6]
         across = 2 * 0.0192 * np.sin(np.radians(degrees)) / 343.2
         assert np.ptp(heard) == pytest.approx(1e6 * (16 / 49_412 + across), abs=1.0)
-
-
-def test_names_stand_along_their_walls_on_the_side_away_from_the_sensor() -> None:
-    scene = figures.FIGURE_9
-    room, sensor = scene.scan.room, np.array(scene.scan.place.position)
-    axes = sheet(4, 3).add_subplot()
-    label_walls(axes, scene, ("top", "left", "bottom"))
-    for text, name in zip(axes.texts, ("top", "left", "bottom"), strict=True):
-        start, end = room.walls[room.names.index(name)].reshape(2, 2)
-        assert text.get_text() == name
-        away, along = np.array(text.xyann), end - start  # type: ignore[attr-defined]
-        assert away @ ((start + end) / 2 - sensor) > 0
-        assert away @ along == pytest.approx(0.0, abs=1e-9)
-        turned = np.radians(text.get_rotation())
-        assert abs(np.cos(turned) * along[1] - np.sin(turned) * along[0]) < 1e-6

@@ -9,7 +9,7 @@ from sonarhw_compare.match import Summary
 from sonarhw_gui.jobs.searches import FitFound, warnings
 from sonarhw_gui.model.scene import scene_with
 
-from tests.unit.compare.matching.test_headings import PAPER, PLACE, ROOM, heading_fit
+from tests.fixtures.fit_results import BOARD, PLACE, ROOM, heading_fit
 
 SUMMARY = Summary(10, 10, 9, 0.3, 0.0, None, None, {}, 1.0, 0.0, 0.0, 0.0, 0.0)
 
@@ -20,10 +20,10 @@ def found(everywhere: bool) -> FitFound:
     several = warnings_of(fit)
     few = unexplained([PlacedScan((), PLACE, "this scan")], [SUMMARY])
     assert len(several) == len(few) == 1
-    offset = free_parameters(("offset",), ("scan",), ROOM, PAPER)
+    offset = free_parameters(("offset",), ("scan",), ROOM, BOARD)
     at_bound = warnings_of(replace(fit, parameters=offset, estimates={"offset": Estimate(0.06, 0.001, 0.0, 0.0)}))
     result = replace(fit, warnings=(*few, *several, *at_bound))
-    return FitFound(scene_with(PAPER, ROOM, PLACE), 0, everywhere, result, ({}, {}), 0.3, (0.3, 0.3))
+    return FitFound(scene_with(BOARD, ROOM, PLACE), 0, everywhere, result, ({}, {}), 0.3, (0.3, 0.3))
 
 
 @pytest.mark.parametrize("everywhere", [False, True])

@@ -7,7 +7,7 @@ import pytest
 from sonarhw_cli.app import run
 from sonarhw_sim.board.profile import load_board
 
-from tests.unit.compare.plate.plate_scans import WALL
+from tests.fixtures.plate_scans import WALL
 
 # m
 PLACES = {"near": 0.25, "middle": 0.5, "far": 1.0}

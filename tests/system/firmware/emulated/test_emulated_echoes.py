@@ -16,8 +16,8 @@ from sonarhw.device.emulated_board import EmulatedBoard
 from sonarhw.device.fake_board import FakeBoard
 from sonarhw.device.served import serve
 from sonarhw.readings import Ping, PingResult, Reading, Trace
+from tests.fixtures.plate_scans import ALONE, CONSTANTS, hidden_board, start_board, wall_room
 from tests.system.firmware.conftest import Echoes, envelope, scanner_on
-from tests.unit.compare.plate.plate_scans import ALONE, CONSTANTS, hidden_board, start_board, wall_room
 
 TWO_TICKS = 1e-6  # s
 REARM = 0.0006  # s; so long that the interrupt of the board never loses an echo that the fake board reports

@@ -1,0 +1,348 @@
+"""Calibration in a known room and with plates: scans with hidden constants are predicted, or of a fake scanner."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.special import j1
+from sonarhw_compare.arcs import place_numbers
+from sonarhw_compare.calibration.outcome import CalibratedValue, Calibration
+from sonarhw_compare.calibration.plate import calibrate_with_plates, find_blanking
+from sonarhw_compare.calibration.plate_readings import plate_envelopes, plate_levels, plate_readings
+from sonarhw_compare.calibration.room import (
+    APERTURES,
+    THRESHOLDS,
+    RoomCalibration,
+    choose_detection,
+    find_own_body,
+    gained_by_reflection,
+    is_contradicted,
+    nearest_good_pair,
+    spreads,
+    with_reflectances,
+)
+from sonarhw_compare.fit.result import PlacedScan
+from sonarhw_sim.air import Air, Receiver
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.predict.prediction import predict_scan
+from sonarhw_sim.predict.room_echoes import EXACT, RoomEchoes
+from sonarhw_sim.room.room import Place, load_room, parse_room
+
+from sonarhw.errors import InputError, NoPlate
+from sonarhw.readings import Ping
+from tests.fixtures.plate_scans import CONSTANTS, hidden_board, plates, scanned_plate, start_board, wall_room
+from tests.fixtures.predicted_readings import predicted_scan, readings_of
+
+ROOM, NXT = load_room("arena"), load_board("lego-nxt")
+SPEED, AIR_SPEED = ROOM.air.speed_of_sound, Air().speed_of_sound
+PLACES = [Place("", at) for at in ((0.84, 0.30), (1.80, 0.54), (1.38, 1.68), (1.38, 0.54), (1.80, 0.30))]
+
+
+# Threshold, aperture and their spreads.
+
+
+@pytest.mark.parametrize(("louder", "wider"), [(4.0, 1.0), (-2.0, 1.1**2)])
+def test_the_rule_finds_the_pair_with_which_scans_were_predicted(louder: float, wider: float) -> None:
+    true = replace(NXT, threshold_db=NXT.threshold_db + louder, aperture_radius=NXT.aperture_radius * wider)
+    scans = [predicted_scan(ROOM, place, true, 4.0) for place in PLACES[:3]]
+    threshold, aperture = choose_detection(scans, ROOM, NXT, PLACES[:3], 3.0)
+    assert threshold is not None
+    value, low, high = threshold
+    assert value == pytest.approx(true.threshold_db, abs=1.1)
+    assert aperture[0] == pytest.approx(true.aperture_radius, rel=0.11)
+    assert low <= true.threshold_db <= high
+
+
+def test_scans_without_silence_do_not_determine_a_threshold() -> None:
+    scans = [predicted_scan(ROOM, place, replace(NXT, threshold_db=-40.0), 8.0) for place in PLACES[:3]]
+    threshold, _ = choose_detection(scans, ROOM, replace(NXT, threshold_db=-30.0), PLACES[:3], 3.0)
+    assert threshold is None
+
+
+@pytest.mark.parametrize(("error", "expected"), [(0.004, (8, 14)), (0.008, (5, 8)), (0.03, (5, 8))])
+def test_the_given_pair_stays_unless_another_is_better_by_more_than_chance(
+    error: float, expected: tuple[int, int]
+) -> None:
+    """A far pair is better by 0.01. The difference from the given one has a standard error of `error`."""
+    scores = np.full((len(APERTURES), len(THRESHOLDS)), 0.5)
+    at = int(np.argmin(np.abs(APERTURES - 1))), int(np.argmin(np.abs(THRESHOLDS)))
+    scores[at], scores[8, 14] = 0.8, 0.81
+    drawn = np.repeat(scores[None], 1000, axis=0)
+    drawn[:, at[0], at[1]] += np.random.default_rng(0).normal(0.0, error, 1000)
+    assert nearest_good_pair(scores, drawn) == expected
+    # an error that all pairs share is no reason to stay
+    shared = scores + np.random.default_rng(1).normal(0.0, 0.03, (1000, 1, 1))
+    assert nearest_good_pair(scores, shared) == (8, 14)
+
+
+def test_spreads_are_those_of_the_readings() -> None:
+    true, scans = replace(NXT, threshold_sd_db=3.0, range_sd=0.012), []
+    angles = np.radians(np.arange(0.0, 360.0, 2.0))
+    for place in PLACES:
+        fake = RoomEchoes(ROOM, place, true, 0, EXACT)
+        pings = [fake.receive(Ping(angle, 0, 0, 0.03, trace=False)).echo_times for angle in angles.tolist()]
+        ranges = [times[0] * SPEED / 2 if times else math.nan for times in pings]
+        scans.append(PlacedScan(readings_of(angles, ranges, SPEED), place))
+    of_range, of_threshold = spreads(scans, ROOM, NXT, PLACES, lambda: None)
+    assert of_range.value == pytest.approx(true.range_sd, abs=0.0015)
+    assert of_threshold.value == pytest.approx(true.threshold_sd_db, abs=1.0)
+
+
+# Reflectances.
+
+
+# 3 m of board, 1 m of cloth
+TWO = """
+name = "two"
+[materials.board]
+reflectance = 0.9
+[materials.cloth]
+reflectance = 0.5
+[[walls]]
+name = "long"
+points = [[0.0, 0.0], [3.0, 0.0]]
+material = "board"
+[[walls]]
+name = "short"
+points = [[3.0, 1.0], [3.0, 2.0]]
+material = "cloth"
+[places.a]
+position = [1.0, 1.0]
+"""
+
+
+def found(material: str, value: float, before: float) -> CalibratedValue:
+    return CalibratedValue(material, value, value - 0.1, value + 0.1, before, "")
+
+
+def test_the_room_and_its_text_have_the_reflectances_found() -> None:
+    room = parse_room(TWO, "two")
+    values = [found("board", 0.72, 0.9), found("cloth", 0.6, 0.5)]
+    other = with_reflectances(room, values)
+    assert other.reflectances.tolist() == pytest.approx([0.72, 0.6])
+    assert parse_room(other.text, "again").reflectances.tolist() == other.reflectances.tolist()
+    # one reflection is louder by the mean along the walls
+    louder = (3 * 20 * math.log10(0.72 / 0.9) + 20 * math.log10(0.6 / 0.5)) / 4
+    assert gained_by_reflection(room, other) == pytest.approx(louder)
+    scans = [PlacedScan([], room.place("a"), file=name) for name in ("a.mcap", "b\n.mcap")]
+    result = RoomCalibration(NXT, NXT, scans=scans, given=room, room=other, reflectances=(values[0],))
+    head, _, rest = result.room_with_header("mine").text.partition("\n\n")
+    assert "board profile 'mine'" in head
+    assert "#   reflectance of 'board': 0.72, 95 % 0.62 to 0.82; before: 0.9" in head
+    assert all(line.startswith("#") for line in head.splitlines())
+    assert rest == other.text.removeprefix("\n")
+    # a room file is contradicted outside the interval
+    assert [is_contradicted(found("board", value, 0.9)) for value in (0.79, 0.81, 0.99)] == [True, False, False]
+    with pytest.raises(InputError, match="'Arena': no material has a reflectance that scans can change"):
+        with_reflectances(ROOM, [])
+
+
+# The carrier's own body, among the echoes that the room does not explain.
+
+
+def unexplained(place: Place, body: Sequence[int], others: np.random.Generator | None = None) -> PlacedScan:
+    """Return what the room does not explain: echoes at 20 to 22 cm at the turntable angles `body`, °, and silence.
+
+    With `others`, one angle in seven has an echo from 0.1 to 2.5 m that is not in the room.
+    """
+    angles = np.arange(0, 360, 3)
+    predicted = predict_scan(ROOM, place, NXT, np.radians(angles)).ranges
+    ranges = predicted.copy()
+    if others is not None:
+        strange = others.random(len(angles)) < 1 / 7
+        ranges[strange] = others.uniform(0.1, 2.5, strange.sum())
+    own = np.isin(angles, body)
+    ranges[own] = 0.20 + 0.02 * (angles[own] % 2)
+    rows = ~(np.abs(ranges - predicted) <= 0.05)
+    return PlacedScan(readings_of(np.radians(angles[rows]), ranges[rows], SPEED), place)
+
+
+WIDE = [*range(60, 91)]
+ACROSS = [*range(340, 360), *range(25)]
+TWO_PARTS = [*range(84, 103), *range(201, 229)]
+
+
+@pytest.mark.parametrize(
+    ("bodies", "parts"),
+    [
+        ([WIDE] * 5, [(58.5, 91.5)]),
+        ([ACROSS] * 5, [(340.5, 385.5)]),  # across angle 0
+        ([WIDE] * 4 + [[]], [(58.5, 91.5)]),  # one scan misses it
+        ([WIDE] * 4 + [[*WIDE, *range(93, 97)]], [(58.5, 97.5)]),  # an end that one place alone shows
+        ([WIDE] * 4 + [[*WIDE, *range(96, 100)]], [(58.5, 91.5)]),  # apart from it
+        ([TWO_PARTS] * 5, [(82.5, 103.5), (199.5, 229.5)]),
+        ([WIDE], []),  # one place shows none
+        ([[]] * 5, []),
+    ],
+)
+def test_echoes_at_one_angle_and_range_at_most_places_are_the_own_body(
+    bodies: list[list[int]], parts: list[tuple[float, float]]
+) -> None:
+    body = find_own_body([unexplained(place, one) for place, one in zip(PLACES, bodies, strict=False)])
+    assert [(part.from_deg % 360, part.to_deg - part.from_deg) for part in body] == [
+        (pytest.approx(low, abs=1.6), pytest.approx(high - low, abs=3.1)) for low, high in parts
+    ]
+    assert all((part.nearest, part.farthest) == pytest.approx((0.175, 0.245)) for part in body)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_echoes_that_are_alike_by_chance_are_no_own_body(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    assert find_own_body([unexplained(place, (), random) for place in PLACES]) == ()
+    body = find_own_body([unexplained(place, WIDE, random) for place in PLACES])
+    assert [part.spans(math.radians(75.0)) for part in body] == [True]
+
+
+def test_positions_within_5_cm_are_one_place() -> None:
+    assert place_numbers([(0.0, 0.0), (0.04, 0.0), (1.0, 0.0), (0.0, 0.01)]).tolist() == [0, 0, 1, 0]
+
+
+# Plates: hidden constants are found, or the reason is stated.
+
+
+# the largest accepted error of each constant, in its unit
+TOLERANCES = {
+    "aperture_radius": 0.02 * CONSTANTS["aperture_radius"],
+    "gain_step_db": 0.5,
+    "threshold_db": 0.5,
+    "rise_cycles": 0.05 * CONSTANTS["rise_cycles"],
+    "own_burst_db": 1.0,
+    "blanking": 20e-6,
+}
+
+
+def test_all_hidden_constants_are_found_from_traces() -> None:
+    start, scans = start_board(), plates(hidden_board(), tilt_deg=1.3)
+    found = calibrate_with_plates(start, scans)
+    assert not found.kept
+    assert not found.doubts
+    assert {one.key for one in found.findings} == set(CONSTANTS)
+    for one in found.findings:
+        assert one.value == pytest.approx(CONSTANTS[one.key], abs=TOLERANCES[one.key]), one.key
+        assert one.low <= CONSTANTS[one.key] <= one.high, one.key
+        assert one.high - one.low < 4 * TOLERANCES[one.key], one.key
+    text = found.profile("mine").text
+    assert "#   0.25 m: plate at 0.25 m" in text
+    assert "beginning with profile 'polaroid-6500'" in text
+    lines = {line.split(" = ")[0]: line for line in text.splitlines() if " = " in line}
+    assert "# calibrated, 95 % 0.0" in lines["aperture_radius"]
+    assert "before: 0.0192 (m)" in lines["aperture_radius"]
+
+
+def test_a_ring_down_that_differs_from_the_swelling_is_found() -> None:
+    hidden = {"rise_cycles": 2.0, "ring_cycles": 9.0}
+    scans = plates(hidden_board(**hidden), distances=(0.25, 0.5, 1.0), seed=3)
+    found = {one.key: one for one in calibrate_with_plates(start_board(), scans).findings}
+    for key, value in hidden.items():
+        assert found[key].low <= value <= found[key].high, key
+        assert found[key].value == pytest.approx(value, rel=0.05), key
+    assert found["ring_cycles"].before == start_board().rise_cycles
+    assert found["own_burst_db"].value == pytest.approx(CONSTANTS["own_burst_db"], abs=TOLERANCES["own_burst_db"])
+    assert found["aperture_radius"].value == pytest.approx(CONSTANTS["aperture_radius"], rel=0.02)
+
+
+def test_without_traces_hearing_gives_aperture_gain_and_an_interval_that_contains_the_threshold() -> None:
+    """A plate that ends between two headings tells no more with three pings at each than with one."""
+    hidden = {"aperture_radius": 0.02218, "gain_step_db": 3.327, "threshold_db": -38.463, "rise_cycles": 1.5}
+    scans = plates(hidden_board(**hidden), seed=4, tilt_deg=-0.88, traces=False)
+    found = calibrate_with_plates(start_board(), scans)
+    assert found.kept["rise_cycles"] == found.kept["own_burst_db"] == "the logs contain no traces"
+    assert {one.key for one in found.findings} >= {"aperture_radius", "gain_step_db"}
+    for one in found.findings:
+        true = (CONSTANTS | hidden)[one.key]
+        assert one.low <= true <= one.high, one.key
+        assert one.value == pytest.approx(true, abs=TOLERANCES[one.key]), one.key
+
+
+def test_one_plate_shows_no_gain_and_no_blanking() -> None:
+    start, scans = start_board(), plates(hidden_board(), distances=(1.0,))
+    found = calibrate_with_plates(start, scans)
+    assert found.kept["gain_step_db"] == "one log shows the gain at one time only"
+    assert "no plate is so near" in found.kept["blanking"]
+    assert (found.board.gain_step_db, found.board.blanking) == (start.gain_step_db, start.blanking)
+    assert found.board.aperture_radius == pytest.approx(CONSTANTS["aperture_radius"], rel=0.02)
+
+
+def test_what_the_scans_hardly_determine_stays() -> None:
+    """With an ideal gain and a threshold above the side lobes, one arc gives a relation of aperture and threshold."""
+    start = replace(load_board("paper"), threshold_db=-20.0)
+    readings = scanned_plate(start, 1.0, traces=False)
+    found = calibrate_with_plates(start, [plate_readings("1 m", readings, 1.0, 0.0, start)])
+    assert {"aperture_radius", "threshold_db"} & set(found.kept)
+    assert "the scans determine it to ±" in " ".join(found.kept.values())
+
+
+def test_blanking_by_the_scanner_hides_that_of_the_board() -> None:
+    seen = plates(hidden_board(), distances=(0.25,), traces=False)
+    found = Calibration(start_board(), start_board())
+    find_blanking(found, seen)
+    assert found.board.blanking == pytest.approx(CONSTANTS["blanking"], abs=TOLERANCES["blanking"])
+    found = Calibration(start_board(), start_board())
+    find_blanking(found, [replace(scan, blanked_until=CONSTANTS["blanking"]) for scan in seen])
+    assert found.kept == {"blanking": "the scanner ignored all echoes before 1.7 ms; scan with less blanking"}
+    assert found.board == start_board()
+
+
+def test_a_plate_elsewhere_is_refused() -> None:
+    readings = scanned_plate(hidden_board(), 1.0, traces=False)
+    with pytest.raises(NoPlate, match=r"2 m\.mcap: the plate is detected at 0 headings, expected at least 5"):
+        plate_readings("2 m.mcap", readings, 2.0, 0.0, start_board())
+
+
+def test_plates_within_blanking_give_no_levels() -> None:
+    scans = plates(hidden_board(), distances=(0.25,))
+    with pytest.raises(NoPlate, match=r"no plate is beyond 0\.29 m, where blanking ends"):
+        calibrate_with_plates(start_board(), scans)
+
+
+def test_a_plate_has_the_level_of_a_perfect_wall_times_the_beam_there_and_back() -> None:
+    board = load_board("paper")
+    levels = plate_levels(board, AIR_SPEED, 1.3)
+    angles = np.radians([0.5, 3.0, 7.5, 10.0, 18.0])
+    x = board.wavenumber(Air()) * board.aperture_radius * np.sin(angles)
+    expected = 40 * np.log10(np.abs(2 * j1(x) / x) * np.cos(angles))
+    assert levels.detected_at(angles) == pytest.approx(expected, abs=0.01)
+    assert levels.detected_at(-angles) == pytest.approx(expected, abs=0.01)
+    # a burst contains other frequencies than its carrier, which matter little in the main lobe
+    assert levels.peaks_at(angles[:3]) == pytest.approx(expected[:3], abs=0.1)
+
+
+@pytest.mark.parametrize("name", ["polaroid-6500", "hc-sr04"])
+@pytest.mark.parametrize("distance", [0.6, 2.2])
+def test_a_plate_is_heard_at_the_headings_of_the_prediction(name: str, distance: float) -> None:
+    board = load_board(name)
+    angles = np.radians(np.arange(-44.0, 44.0, 0.5))
+    place = Place("here", (-distance - board.mount.ahead, 0.0))
+    predicted = ~np.isnan(predict_scan(wall_room(), place, board, angles).ranges)
+    over = plate_levels(board, AIR_SPEED, distance).detected_at(angles) - board.threshold_db
+    assert predicted.any()
+    certain = np.abs(over) > 0.2
+    assert certain.mean() > 0.8
+    assert (predicted[certain] == (over[certain] > 0)).all()
+
+
+def test_the_gain_of_the_board_rises_in_steps() -> None:
+    """Between two steps, the level falls with the loss of sound; a step raises it by the height of a step."""
+    board = start_board()
+    near, far = (
+        plate_levels(board, AIR_SPEED, time * AIR_SPEED / 2).peaks_at(np.zeros(1))[0] for time in (0.0054, 0.0070)
+    )
+    ideal = replace(board, receiver=Receiver.FIRST_ECHO)
+    peak = plate_levels(ideal, AIR_SPEED, 0.0054 * AIR_SPEED / 2).peaks_at(np.zeros(1))[0]
+    assert peak == pytest.approx(0.0, abs=0.01)
+    loss = 20 * math.log10(70 / 54) + 1.4 * (0.0070 - 0.0054) * AIR_SPEED
+    assert near - far == pytest.approx(loss, abs=0.2)
+
+
+@pytest.mark.parametrize("aside", [0.0, 0.04])
+def test_levels_to_the_left_are_those_of_the_envelopes_there(aside: float) -> None:
+    """Only a face beside the turning axis has other levels to the left than to the right."""
+    start = load_board("hc-sr04")
+    board = replace(start, mount=start.mount.model_copy(update={"aside": aside}))
+    levels = plate_levels(board, AIR_SPEED, 0.5)
+    left = levels.angles[levels.angles < 0]
+    peaks = 20 * np.log10(plate_envelopes(board, AIR_SPEED, 0.5, left).samples.max(axis=1))
+    assert levels.peaks_at(left) == pytest.approx(np.maximum(peaks, -80.0), abs=1e-9)
+    assert (levels.peaks_at(left) == pytest.approx(levels.peaks_at(-left), abs=1e-9)) == (aside == 0)

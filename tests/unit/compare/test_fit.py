@@ -1,0 +1,602 @@
+"""Fits: words, priors and setting; searches of distributions with known moments; shifted walls; the plain fit."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+from threading import current_thread, main_thread
+from types import SimpleNamespace
+from typing import cast
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+from sonarhw_compare.fit import FitOptions, PlacedScan, fit_scans, free_parameters
+from sonarhw_compare.fit.fitting import (
+    fit_setting,
+    fitted_room,
+    is_unconstrained,
+    shown_mismatches,
+    unexplained,
+    warnings_of,
+    with_listed_findings,
+)
+from sonarhw_compare.fit.free_walls import corner_moves, with_shifted_walls
+from sonarhw_compare.fit.objective import LEVELS, PROBABILITIES, Objective, Problem, tolerance_prior
+from sonarhw_compare.fit.parameters import Parameter, check_words, present_value, tolerated_parameters, with_priors
+from sonarhw_compare.fit.quantities import (
+    OFFSET,
+    SCALE,
+    WALL,
+    WORDS,
+    BoardQuantity,
+    PlaceQuantity,
+    X,
+    nearest_temperature,
+    quantity_named,
+    reflectance_of,
+    words_of,
+)
+from sonarhw_compare.fit.search import Mixture, averaged, climb, covariance_of, samples_of, underestimated
+from sonarhw_compare.fit.starting import Scores, best_agreement, best_apart, fit_scan, local_maxima
+from sonarhw_compare.match import Summary
+from sonarhw_compare.scans import GivenScan
+from sonarhw_sim.air import Air
+from sonarhw_sim.board.profile import Mount, load_board
+from sonarhw_sim.room.room import Place, ReflectanceTable, Room, load_room, parse_room
+
+from sonarhw.errors import InputError
+from sonarhw.readings import FloatArray
+from tests.fixtures.fit_results import heading_fit
+from tests.fixtures.predicted_readings import predicted_readings, readings_of
+from tests.fixtures.rooms_for_tests import room_of
+
+BOARD = replace(load_board("polaroid-6500"), mount=Mount(ahead=0.05, aside=-0.01), range_offset=0.02)
+ROOM = room_of([(-1.0, 0.0, 2.0, 0.5), (2.0, 0.5, 2.0, 3.0)], [(0.0, 4.0, 0.1)], [0.9, 0.8, 0.7])
+ARENA, SIMPLE, PAPER = load_room("arena"), load_room("simple"), load_board("paper")
+FIGURE_9 = SIMPLE.places["figure9"]
+
+
+# Words, bounds and priors.
+
+
+@pytest.mark.parametrize(
+    ("word", "bounds"),
+    [
+        ("x", (-1.0, 2.0)),
+        ("y", (0.0, 4.0)),
+        ("heading", (-math.inf, math.inf)),
+        ("temperature", (-10.0, 45.0)),
+        ("speed", (Air(-10.0).speed_of_sound, Air(45.0).speed_of_sound)),
+        ("threshold", (BOARD.threshold_db - 20.0, min(0.0, BOARD.threshold_db + 20.0))),
+        ("aperture", (BOARD.aperture_radius / 2.5, BOARD.aperture_radius * 2.5)),
+        ("ahead", (0.05 - 0.06, 0.05 + 0.06)),
+        ("aside", (-0.01 - 0.06, -0.01 + 0.06)),
+        ("offset", (-0.06, 0.06)),
+        ("reflectance:m0", (0.2, 1.0)),
+        ("wall:w1", (-0.1, 0.1)),
+    ],
+)
+def test_bounds_are_those_of_the_room_and_the_board(word: str, bounds: tuple[float, float]) -> None:
+    (found,) = free_parameters([word], [""], ROOM, BOARD)
+    assert (found.lower, found.upper) == pytest.approx(bounds)
+    # no threshold is over the echo of a perfect wall
+    (loud,) = free_parameters(["threshold"], [""], ROOM, replace(BOARD, threshold_db=-12.0))
+    assert (loud.lower, loud.upper) == (-32.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("free", "scans", "names"),
+    [
+        ("position heading", [""], "x y heading"),
+        ("position", ["A", "B"], "x@A x@B y@A y@B"),
+        ("axis", [""], "ahead aside"),
+        ("reflectances", [""], "reflectance:m0 reflectance:m1 reflectance:m2"),
+        ("reflectance:m1 x x", [""], "reflectance:m1 x"),
+        ("walls", [""], "wall:w0 wall:w1"),
+    ],
+)
+def test_a_word_frees_its_group_and_a_part_only_itself(free: str, scans: list[str], names: str) -> None:
+    assert [one.name for one in free_parameters(free.split(), scans, ROOM, BOARD)] == names.split()
+    assert words_of(PlaceQuantity) == "position (x, y), heading"
+    assert all(word.partition("[")[0] in words_of() for word in WORDS)
+
+
+TABLED = replace(ROOM, tables={"m0": ReflectanceTable(np.zeros(1), np.array([5e4]), np.array([[0.3]]))})
+
+
+@pytest.mark.parametrize(
+    ("free", "room", "message"),
+    [
+        ("colour", ROOM, "free colour: unknown quantity"),
+        ("x:w0", ROOM, "free x:w0: x belongs to a scan, not to a part of the room; write x"),
+        ("wall:p0", ROOM, "unknown wall 'p0'; room 'test room' has w0, w1"),
+        ("temperature speed", ROOM, "each determines the other"),
+        ("reflectance:m0", TABLED, "unknown reflectance 'm0'; room .* has m1, m2"),
+        (
+            "reflectances",
+            replace(TABLED, tables=dict.fromkeys(ROOM.materials, TABLED.tables["m0"])),
+            "room .* has no reflectance that a fit can change",
+        ),
+    ],
+)
+def test_what_cannot_be_free_is_refused(free: str, room: Room, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        free_parameters(free.split(), [""], room, BOARD)
+
+
+def test_each_quantity_reads_back_what_was_put() -> None:
+    here = Place("here", (0.3, 0.4), heading=1.0)
+    for name, value in {"x": 1.5, "y": -2.0, "heading": 3.0}.items():
+        quantity = quantity_named(name)
+        assert isinstance(quantity, PlaceQuantity)
+        assert quantity.value(quantity.put(here, value)) == value
+    for name, value in {"ahead": 0.1, "aside": 0.03, "threshold": -30.0, "aperture": 0.017}.items():
+        quantity = quantity_named(name)
+        assert isinstance(quantity, BoardQuantity)
+        assert quantity.value(quantity.put(BOARD, value)) == value
+    # the offset is a correction of readings, and subtracted from the profile
+    assert OFFSET.value(BOARD) == 0.0
+    assert OFFSET.put(BOARD, 0.005).range_offset == pytest.approx(0.015)
+    (speed,) = free_parameters(["speed"], [""], ROOM, BOARD)
+    room = replace(ROOM, air=speed.quantity.put(ROOM.air, 350.0))  # type: ignore[attr-defined]
+    assert present_value(speed, here, room, BOARD) == pytest.approx(350.0, abs=1e-3)
+    for celsius in (-40.0, -10.0, 20.0, 60.0):
+        assert nearest_temperature(Air(celsius).speed_of_sound, Air(5.0)) == pytest.approx(celsius, abs=1e-5)
+    assert nearest_temperature(Air(-40.0).speed_of_sound - 1.0, Air()) == -40.0
+    # a new reflectance keeps the share of scattered sound
+    rough = replace(ROOM, reflectances=np.array([0.6, 0.8, 0.7]), scattered=np.array([0.3, 0.0, 0.0]))
+    (parameter,) = free_parameters(["reflectance:m0"], [""], rough, BOARD)
+    changed = parameter.quantity.put(rough, {"m0": 0.5})  # type: ignore[attr-defined]
+    assert reflectance_of(changed, "m0") == pytest.approx(0.5)
+    assert changed.scattered[0] / changed.reflectances[0] == pytest.approx(0.5)
+
+
+FREE = ("x", "heading", "temperature")
+
+
+def with_prior(*priors: str, scans: tuple[str, ...] = ("",)) -> dict[str, Parameter]:
+    return {one.name: one for one in with_priors(free_parameters(FREE, scans, SIMPLE, PAPER), priors)}
+
+
+@pytest.mark.parametrize(
+    ("text", "prior"),
+    [
+        ("x=0.2..1.4", (0.2, 1.4, None, None)),
+        ("x=-1..+1.5", (-1.0, 1.5, None, None)),
+        ("x=.5 .. 2e0", (0.5, 2.0, None, None)),
+        ("heading=-10..20", (math.radians(-10), math.radians(20), None, None)),
+        ("heading=90+-5", (-math.inf, math.inf, math.pi / 2, math.radians(5))),
+        ("temperature=21+-1", (-10.0, 45.0, 21.0, 1.0)),
+        ("temperature=-3.5±0.25", (-10.0, 45.0, -3.5, 0.25)),
+        ("temperature=2e1 +- 1e-6", (-10.0, 45.0, 20.0, 1e-6)),
+    ],
+)
+def test_a_prior_is_a_range_or_a_normal_distribution(text: str, prior: tuple[float | None, ...]) -> None:
+    found = with_prior(text)[text.split("=")[0]]
+    for value, expected in zip((found.lower, found.upper, found.expected, found.deviation), prior, strict=True):
+        assert value == (expected if expected is None else pytest.approx(expected))
+
+
+def test_a_prior_of_a_quantity_is_for_all_scans_and_one_of_a_parameter_for_its_scan() -> None:
+    one = with_prior("x=0.1..0.5", "x@B=0.2..0.3", scans=("A", "B"))
+    assert (one["x@A"].upper, one["x@B"].upper, one["temperature"].upper) == (0.5, 0.3, 45.0)
+
+
+FORM = r"expected NAME=VALUE\+-DEVIATION, or NAME=LOW..HIGH with LOW below HIGH, and numbers from -1e\+06"
+BEYOND = "expected a deviation of at least 1e-06 and a value from -10 to 45"
+
+
+@pytest.mark.parametrize(
+    ("prior", "message"),
+    [
+        *((f"x={text}", FORM) for text in ("", "1", "2..1", "1..1", "1..", "..1", "0..1.1e6", "-1.1e6+-1", "1+-")),
+        *((f"temperature={text}", BEYOND) for text in ("20+-9e-7", "46+-1", "-11+-1")),
+        ("heading=20+-1e-7", "expected a deviation of at least 1e-06$"),
+        ("y=1..2", r"prior y=1\.\.2: expected NAME=… with a free quantity: x, heading, temperature"),
+    ],
+)
+def test_a_wrong_prior_is_refused_in_one_line(prior: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        with_prior(prior)
+    if message == FORM:  # before the parameters exist
+        with pytest.raises(InputError, match=message):
+            check_words(FREE, [prior])
+
+
+def test_a_prior_of_what_is_not_free_is_refused_before_the_fit() -> None:
+    check_words(FREE, ["x=1..2", "x@B=1..2", "temperature=20+-1"])
+    check_words((), ["offset=0+-1"])
+    with pytest.raises(InputError, match=r"prior y=1\.\.2: y is not free; free it too, or use one of x, heading"):
+        check_words(FREE, ["y=1..2"])
+
+
+# The setting of a fit, and what is reported of it.
+
+
+def given(*ranges: float) -> GivenScan:
+    """Return readings 90° apart, without a log, so that their place is unknown."""
+    return GivenScan("mine", tuple(readings_of(np.arange(len(ranges)) * math.pi / 2, ranges)))
+
+
+def test_an_unknown_place_is_searched_from_the_middle_of_the_room_if_its_position_is_free() -> None:
+    ends = ARENA.walls.reshape(-1, 2)
+    (placed,) = fit_setting([given(1.7)], "arena", [], "lego-nxt", ["position", "heading"], []).scans
+    assert placed.place.position == pytest.approx((ends.min(axis=0) + ends.max(axis=0)) / 2)
+    for free, fixed in ((["heading"], "x and y are fixed"), (["x"], "y is fixed"), (["y"], "x is fixed")):
+        with pytest.raises(InputError, match=f"mine: its place is unknown, and {fixed}; give a place"):
+            fit_setting([given(1.7)], "arena", [], "lego-nxt", free, [])
+
+
+def test_a_room_gets_the_fitted_place_temperature_and_reflectance() -> None:
+    free = ("position", "heading", "temperature", f"reflectance:{SIMPLE.materials[0]}")
+    parameters = free_parameters(free, ("scan",), SIMPLE, PAPER)
+    values = dict(zip(parameters, (0.7, 0.1, 0.0, 23.456, 0.81), strict=True))
+    found = fitted_room(SIMPLE, values, [Place("found", (0.7123456, 0.1), math.radians(-90.0))])
+    for room in (found, parse_room(found.text, "again")):
+        assert room.air.temperature_c == pytest.approx(23.456, abs=0.06)
+        assert room.reflectances[0] == pytest.approx(0.81)
+        assert room.places["found"].position == pytest.approx((0.7123456, 0.1), abs=1e-4)
+        assert math.degrees(room.places["found"].heading) % 360 == pytest.approx(270.0)
+        assert set(room.places) == {*SIMPLE.places, "found"}
+    listed = with_listed_findings(SIMPLE, SIMPLE.name, ["reflectance:a\nname = 'other' 0.9"], ["scan"])
+    assert listed.name == SIMPLE.name
+    assert listed.text.splitlines()[1] == r"#   reflectance:a\nname = 'other' 0.9"
+    # without a fitted position the room keeps its places
+    warm = {parameters[3]: 20.0}
+    assert set(fitted_room(SIMPLE, warm, [Place("found", (0.7, 0.1))]).places) == set(SIMPLE.places)
+
+
+def test_a_scan_of_which_few_echoes_match_is_named() -> None:
+    advice = (
+        "of 10 echoes are within 5 cm of the prediction; check the room, the place and the board; "
+        "`sonarhw locate` finds an unknown place"
+    )
+    summary = Summary(10, 10, 9, 0.9, 0.0, None, None, {}, 1.0, 0.0, 0.0, 0.0, 0.0)
+    names = ("good", "bad", "silent", "")
+    scans = [PlacedScan([], Place("", (0.0, 0.0)), name, f"{name}.mcap" if name else "") for name in names]
+    lines = unexplained(scans, [replace(summary, within_5cm=share) for share in (0.61, 0.59, None, 0.0)])
+    assert [str(line) for line in lines] == [f"bad.mcap: only 59% {advice}", f"this scan: only 0% {advice}"]
+
+
+def test_solutions_that_print_alike_are_one_and_a_table_has_two_digits_of_each_deviation() -> None:
+    assert warnings_of(heading_fit(359.999, 0.001)) == ()
+    (several,) = warnings_of(heading_fit(0.0, 180.0))
+    assert (several.kind, str(several)[:11]) == ("several solutions", "2 solutions")
+    assert str(several).endswith("heading 0.0°; heading 180.0°")
+    table = list(heading_fit(-0.002).lines())
+    assert table[1].split() == ["heading", "0.00°", "0.14°", "-0.30", "to", "0.30"]
+    assert any("ranges +0.00% from" in line for line in table)
+
+
+# Searches and samples of distributions that are known.
+
+
+COVARIANCE = np.array([[4.0, 1.2, 0.0], [1.2, 1.0, -0.1], [0.0, -0.1, 0.25]])
+TOP = np.array([3.0, -2.0, 7.0])
+ALL = np.ones(3, np.bool_)
+
+
+def off_top(*by: float) -> FloatArray:
+    return TOP + np.array(by)
+
+
+class Normal:
+    """A normal log-density around `top`, zero beyond its bounds, with what a search needs of a problem."""
+
+    def __init__(self, covariance: FloatArray = COVARIANCE, top: FloatArray = TOP, lower: float = -1e3) -> None:
+        size = len(top)
+        self.top, self.precision = top, np.linalg.inv(covariance)
+        bounds = np.full(size, -1e3), np.full(size, 1e3)
+        bounds[0][0] = lower
+        names = [*"abcdefghijklmnopqrstuvwxyz"[:size]]
+        parameters = [Parameter(OFFSET, one, None, *ends) for one, *ends in zip(names, *bounds, strict=True)]
+        self.problem = SimpleNamespace(
+            bounds=bounds, steps=np.full(size, 0.5), parameters=parameters, near=lambda _: self
+        )
+
+    def __call__(self, values: FloatArray) -> float:
+        lower, upper = self.problem.bounds
+        away = values - self.top
+        inside = ((values >= lower) & (values <= upper)).all()
+        return float(5.0 - away @ self.precision @ away / 2) if inside else -np.inf
+
+    def many(self, values: FloatArray) -> FloatArray:
+        return np.array([self(one) for one in values])
+
+    smooth = many
+
+    @property
+    def objective(self) -> Objective:
+        return cast(Objective, self)
+
+
+def test_a_climb_ends_at_the_maximum_within_the_bounds_and_the_covariance_is_that_of_the_distribution() -> None:
+    assert climb(Normal().objective, off_top(3.0, -2.0, 1.0), ALL) == pytest.approx(TOP, abs=0.02)
+    assert covariance_of(Normal().objective, TOP) == pytest.approx(COVARIANCE)
+    # the best values of the others with the first one at its bound, 1 above its maximum
+    expected = off_top(1.0, *(COVARIANCE[1:, 0] / COVARIANCE[0, 0]))
+    bounded = Normal(lower=4.0).objective
+    assert climb(bounded, off_top(2.0, 1.0, 0.3), ALL, 30) == pytest.approx(expected, abs=0.1)
+    # the mean of the second value, given the two others
+    others = COVARIANCE[np.ix_([0, 2], [0, 2])]
+    found = climb(Normal().objective, off_top(2.0, 1.0, 0.5), np.array([False, True, False]))
+    assert found[[0, 2]].tolist() == [5.0, 7.5]
+    assert found[1] == pytest.approx(TOP[1] + COVARIANCE[1, [0, 2]] @ np.linalg.solve(others, [2.0, 0.5]), abs=0.02)
+    # a value without effect is not changed
+    flat = Normal()
+    flat.precision[2] = flat.precision[:, 2] = 0.0
+    assert climb(flat.objective, off_top(1.0, 1.0, 3.0), ALL) == pytest.approx(off_top(0.0, 0.0, 3.0), abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("along", "half_width", "found"), [(1.8, 1e3, ""), (2.2, 1e3, "ab"), (20.0, 1e3, "ab"), (20.0, 2.4, "")]
+)
+def test_values_that_can_change_together_by_twice_as_much_as_their_covariance_allows_are_found(
+    along: float, half_width: float, found: str
+) -> None:
+    """The first two values change together by `along` deviations, but not beyond their bounds."""
+    together, apart = np.array([1.0, 1.0, 0.0]) / np.sqrt(2), np.array([1.0, -1.0, 0.0]) / np.sqrt(2)
+    across = 0.01 * np.outer(apart, apart) + np.diag([0.0, 0.0, 1.0])
+    ridge = Normal(along**2 * np.outer(together, together) + across)
+    ridge.problem.bounds = TOP - half_width, TOP + half_width
+    stated = np.outer(together, together) + across
+    assert [one.of for one in underestimated(cast(Problem, ridge.problem), TOP, stated)] == [*found]
+
+
+def drawn(target: Normal, draws: int = 20_000, shares: Callable[[float], None] = lambda _: None) -> FloatArray:
+    size = len(target.top)
+    start = Mixture(np.ones(1), np.zeros((1, size)), np.eye(size)[None])
+    return samples_of(target.objective, start, draws, 1, shares)
+
+
+def correlated(size: int, lower: float = -1e3) -> Normal:
+    """Return unit deviations, neighbours correlated by 0.5."""
+    apart = np.abs(np.subtract.outer(np.arange(size), np.arange(size)))
+    return Normal(0.5**apart, np.zeros(size), lower)
+
+
+def test_samples_of_a_normal_distribution_have_its_deviations_and_correlations() -> None:
+    shares: list[float] = []
+    samples = drawn(correlated(11), shares=shares.append)
+    assert samples.std(axis=0) == pytest.approx(np.ones(11), rel=0.12)
+    assert np.corrcoef(samples, rowvar=False)[0, :3] == pytest.approx([1.0, 0.5, 0.25], abs=0.08)
+    assert shares == sorted(shares)
+    assert (shares[0], shares[-1] <= 1.0, max(np.diff(shares)) < 0.4) == (0.0, True, True)
+
+
+def test_samples_at_bounds_have_the_moments_of_half_and_of_uniform_distributions() -> None:
+    half = drawn(correlated(11, lower=0.0))[:, 0]
+    assert (half.mean(), half.std()) == pytest.approx((np.sqrt(2 / np.pi), np.sqrt(1 - 2 / np.pi)), rel=0.06)
+    # all draws but about one in 60 are beyond a bound; the ensemble was then a few points, which emcee refuses
+    halves = Normal(np.eye(11), np.zeros(11))
+    halves.problem.bounds[0][:6] = 0.0
+    assert drawn(halves).mean(axis=0) == pytest.approx(np.repeat([np.sqrt(2 / np.pi), 0.0], [6, 5]), abs=0.2)
+    box = Normal(1e12 * np.eye(11), np.zeros(11))
+    box.problem.bounds = -np.ones(11), np.ones(11)
+    assert drawn(box).std(axis=0).mean() == pytest.approx(1 / np.sqrt(3), rel=0.04)
+
+
+def test_an_interrupt_of_a_fit_prints_nothing(capfd: pytest.CaptureFixture[str]) -> None:
+    class Interrupted(Normal):
+        def many(self, values: FloatArray) -> FloatArray:
+            if current_thread() is main_thread():  # Python raises it nowhere else
+                raise KeyboardInterrupt
+            return super().many(values)
+
+        smooth = many
+
+    with pytest.raises(KeyboardInterrupt):
+        drawn(Interrupted(np.eye(3), np.zeros(3)))
+    assert capfd.readouterr() == ("", "")
+
+
+# x, two walls with a tolerance of 5 mm, and the turntable's scale with one of 1 %
+TOLERATED = (
+    Parameter(X),
+    *(Parameter(WALL, name, expected=0.0, deviation=0.005, is_tolerated=True) for name in ("west", "east")),
+    Parameter(SCALE, expected=1.0, deviation=0.01, is_tolerated=True),
+)
+
+
+def test_what_is_neither_free_nor_exact_is_tolerated() -> None:
+    levels = {"scale", "threshold", "aperture", "reflectance:board"}
+    for free, tolerance, expected in (
+        (["position"], 0.005, levels | {"wall:west", "wall:east"}),
+        (["position", "wall:east", "aperture"], 0.005, levels - {"aperture"} | {"wall:west"}),
+        (["position"], 0.0, levels),
+    ):
+        parameters = free_parameters(free, [""], ARENA, BOARD)
+        found = tolerated_parameters(parameters, ARENA, BOARD, tolerance, ("west", "east"))
+        assert {one.name for one in found} == expected
+
+
+def test_the_average_over_deviations_has_the_moments_of_a_direct_calculation() -> None:
+    """The likelihood is normal: two measurements of x plus or minus a wall, and one of the scale."""
+    rows = np.array([[1.0, 1.0, 0.0, 0.0], [1.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+    measured, errors = np.array([0.5, 0.503, 1.0002]), np.array([2e-4, 2e-4, 1e-3])
+    widest, prior = np.array([0.005, 0.005, 0.01]), np.array([0.0, 0.0, 0.0, 1.0])
+
+    def posterior(levels: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+        among = np.diag([0.01, *(widest * levels[[0, 0, 1]]) ** 2])  # a wide prior of x
+        of_data = rows @ among @ rows.T + np.diag(errors**2)
+        gain = among @ rows.T @ np.linalg.inv(of_data)
+        evidence = multivariate_normal(rows @ prior, of_data).pdf(measured)
+        return prior + gain @ (measured - rows @ prior), among - gain @ rows @ among, float(evidence)
+
+    top, covariance, _ = posterior(np.ones(2))
+    found = averaged(top, covariance, tolerance_prior(TOLERATED))
+    several = [posterior(np.array(levels)) for levels in product(LEVELS, repeat=2)]
+    weights = np.array([one[2] for one in several]) * np.outer(PROBABILITIES, PROBABILITIES).ravel()
+    weights /= weights.sum()
+    mean = sum(weight * one[0] for weight, one in zip(weights, several, strict=True))
+    spread = sum(w * (c + np.outer(m - mean, m - mean)) for w, (m, c, _) in zip(weights, several, strict=True))
+    assert found.weights == pytest.approx(weights, abs=1e-4)
+    assert found.mean == pytest.approx(mean, rel=1e-5)
+    assert np.diag(found.covariance) == pytest.approx(np.diag(spread), rel=1e-3)
+
+
+def test_a_mismatch_names_what_explains_most_and_what_the_scan_cannot_distinguish_from_it() -> None:
+    tolerated = TOLERATED[1:]
+    # both walls share a shift of 10 mm of which only the sum is known; the scale is right
+    covariance = np.array([[25.0, -24.9, 0.0], [-24.9, 25.0, 0.0], [0.0, 0.0, 1.0]]) * 1e-6
+    (shown,) = shown_mismatches(tolerated, np.array([0.005, 0.005, 0.001]), covariance)
+    assert {shown.parameter.name, *shown.alternatives} == {"wall:west", "wall:east"}
+    assert shown.shift == pytest.approx(0.01, rel=0.01)
+    assert "10.0 ± " in str(shown)
+    assert shown_mismatches(tolerated, np.array([0.001, 0.001, 0.001]), covariance * 100) == ()
+    (scale,) = shown_mismatches(tolerated, np.array([0.0, 0.0, 0.009]), covariance)
+    assert "scale 1.00900 ± 0.00100, while the board profile has 1.00000" in str(scale)
+
+
+# Results do not depend on the rounding of a processor.
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_which_of_equal_poses_come_first_does_not_depend_on_rounding(seed: int) -> None:
+    """Four poses of a symmetric room have the same score, but for its last digits."""
+    positions = np.array([(x, y) for x in range(4) for y in range(4)], dtype=np.float64)
+    headings, equal = np.arange(180) * (math.tau / 180), np.zeros((16, 180))
+    equal[[5, 6, 9, 10], [0, 45, 90, 135]] = 3.0
+    noise = 1e-12 * np.random.default_rng(seed).uniform(-1, 1, equal.shape)
+    exact, noisy = (Scores(positions, headings, scores, 0.3) for scores in (equal, equal + noise))
+    assert best_apart(noisy, 6) == best_apart(exact, 6)
+    assert local_maxima(noisy, 4, 1.0) == local_maxima(exact, 4, 1.0)
+
+
+@pytest.mark.parametrize("samples", [0, 200])
+def test_values_without_effect_have_their_prior_whatever_the_rounding(
+    samples: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No sound reaches the walls of carpet and felt. Last digits and equal eigenvalues differ between processors."""
+    text = Path("rooms/arena.toml").read_text(encoding="utf-8")
+    for name, x, reflectance in (("carpet", -1.0, 0.7), ("felt", -2.0, 0.4)):
+        text += f'[[walls]]\nname = "{name}"\nmaterial = "{name}"\npoints = [[{x}, 0.0], [{x}, 1.68]]\n'
+        text += f"[materials.{name}]\nreflectance = {reflectance}\n"
+    room, board = parse_room(text, "arena"), replace(load_board("polaroid-6500"), max_range=0.9)
+    readings = predicted_readings(room, room.place("p3"), board, 15.0)
+    random, many, eigh = np.random.default_rng(1), Objective.many, np.linalg.eigh
+
+    def noisy(objective: Objective, values: FloatArray) -> FloatArray:
+        exact = many(objective, values)
+        return exact * (1 + 1e-13 * random.uniform(-1, 1, exact.shape))
+
+    def other(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
+        values, vectors = eigh(matrix)
+        for value in values if matrix.ndim == 2 else ():
+            same = np.abs(values - value) < 1e-6
+            turn = np.linalg.qr(random.normal(size=(same.sum(), same.sum())))[0]
+            vectors[..., same] = vectors[..., same] @ turn
+        return values, vectors * (1 + 1e-12 * random.uniform(-1, 1, vectors.shape))
+
+    monkeypatch.setattr(Objective, "many", noisy)
+    monkeypatch.setattr(np.linalg, "eigh", other)
+    free = free_parameters(["offset", "reflectance"], [""], room, board)
+    options = FitOptions(samples=samples, global_search=False, exact=True)
+    result = fit_scans([PlacedScan(readings, room.place("p3"))], room, board, free, options=options)
+    determined = [one.name for one in free if not is_unconstrained(one, result.estimates[one.name])]
+    assert determined == ["offset", "reflectance:board"]
+    for name, value in (("carpet", 0.7), ("felt", 0.4)):
+        found = result.estimates[f"reflectance:{name}"]
+        assert (found.value, found.deviation) == (value, pytest.approx(0.8 / math.sqrt(12)))
+        assert (found.lower, found.upper) == pytest.approx((0.22, 0.98))
+    assert result.correlations[2:, :2].tolist() == [[0.0, 0.0], [0.0, 0.0]]
+
+
+# Walls that are moved, against the corners of rectangles and triangles, and finite differences.
+
+
+def closed_room(corners: dict[str, tuple[float, float]]) -> Room:
+    """Return a closed room, counter-clockwise, with a wall from each corner to the next."""
+    points = list(corners.values())
+    walls = "".join(
+        f'[[walls]]\nname = "{name}"\npoints = [{list(begin)}, {list(end)}]\nmaterial = "m"\n'
+        for name, begin, end in zip(corners, points, points[1:] + points[:1], strict=True)
+    )
+    return parse_room(f'name = "room"\n[materials.m]\nreflectance = 0.9\n{walls}', "room")
+
+
+CUT = 2 - 0.1 * math.sqrt(2)  # the hypotenuse x + y = 2 of a right triangle, 0.1 m inwards
+
+
+@pytest.mark.parametrize(
+    ("corners", "shifts", "expected"),
+    [
+        (
+            {"bottom": (0.0, 0.0), "right": (3.0, 0.0), "top": (3.0, 2.0), "left": (0.0, 2.0)},
+            {"bottom[0]": 0.1, "right[0]": 0.25},
+            [[0, 0.1, 2.75, 0.1], [2.75, 0.1, 2.75, 2], [2.75, 2, 0, 2], [0, 2, 0, 0.1]],
+        ),
+        (
+            {"bottom": (0.0, 0.0), "slope": (2.0, 0.0), "left": (0.0, 2.0)},
+            {"slope[0]": 0.1},
+            [[0, 0, CUT, 0], [CUT, 0, 0, CUT], [0, CUT, 0, 0]],
+        ),
+        (
+            {"one": (0.0, 0.0), "two": (1.0, 0.0), "right": (3.0, 0.0), "top": (3.0, 2.0), "left": (0.0, 2.0)},
+            {"one[0]": 0.1, "two[0]": 0.1},
+            [[0, 0.1, 1, 0.1], [1, 0.1, 3, 0.1], [3, 0.1, 3, 2], [3, 2, 0, 2], [0, 2, 0, 0.1]],
+        ),
+    ],
+    ids=["rectangle", "triangle", "two parts of one wall"],
+)
+def test_moved_walls_stay_closed(
+    corners: dict[str, tuple[float, float]], shifts: dict[str, float], expected: list[list[float]]
+) -> None:
+    assert with_shifted_walls(closed_room(corners), shifts).walls == pytest.approx(np.array(expected))
+
+
+@pytest.mark.parametrize("by", [0.01, -0.01])
+def test_a_wall_that_ends_on_another_one_still_ends_on_it(by: float) -> None:
+    """Otherwise its end is free, and diffracts: the arena had an edge more for a divider that was off."""
+    text = Path("rooms/arena.toml").read_text(encoding="utf-8")
+    moved = with_shifted_walls(ARENA, {"divider": by})  # by the left, towards smaller x
+    drawn_text = text.replace("0.84, 1.26], [0.84, 2.10", f"{0.84 - by}, 1.26], [{0.84 - by}, 2.10")
+    drawn_room = parse_room(drawn_text.replace("[0.84, 1.68]", f"[{0.84 - by}, 1.68]"), "drawn")
+    assert moved.walls == pytest.approx(drawn_room.walls)
+    assert moved.edges.names == drawn_room.edges.names
+
+
+@pytest.mark.parametrize("corner", [(0.0, 0.0), (2.0, 0.5), (1.5, 2.0), (-0.3, 1.6)])
+def test_derivatives_of_corners_are_those_of_finite_differences(corner: tuple[float, float]) -> None:
+    room = closed_room({"a": (0.0, 0.0), "b": (2.0, 0.5), "c": (1.5, 2.0), "d": (-0.3, 1.6)})
+    columns = {0: 0, 1: 1, 3: 2}  # wall c is fixed
+    (row,) = np.flatnonzero((room.walls[:, :2] == corner).all(axis=1))
+    found = corner_moves(room, np.array(corner), columns)
+    for wall, column in columns.items():
+        moved = with_shifted_walls(room, {room.names[wall]: 1e-6}).walls[row, :2]
+        assert found[:, column] == pytest.approx((moved - corner) / 1e-6, abs=1e-5)
+
+
+# The plain fit on a grid.
+
+
+def test_the_plain_fit_finds_heading_offset_and_a_position_nearby() -> None:
+    true = replace(FIGURE_9, heading=math.radians(37.5))
+    readings = predicted_readings(SIMPLE, true, replace(PAPER, range_offset=-0.02), 6.0)
+    believed = replace(FIGURE_9, position=(FIGURE_9.position[0] + 0.02, FIGURE_9.position[1] - 0.01))
+    shares: list[float] = []
+    free = frozenset({"heading", "offset", "position"})
+    fit = fit_scan(readings, SIMPLE, believed, PAPER, free, tick=shares.append)
+    assert math.degrees(fit.heading) == pytest.approx(37.5, abs=0.5 + 1e-9)
+    assert fit.offset == pytest.approx(0.02, abs=0.005)
+    assert fit.place.position == pytest.approx(FIGURE_9.position, abs=1e-9)
+    assert (shares, shares[0], shares[-1], len(shares) > 20) == (sorted(shares), 0.0, 1.0, True)
+    only = fit_scan(readings, SIMPLE, FIGURE_9, PAPER, frozenset({"heading"}))
+    assert (only.offset, only.place.position) == (0.0, FIGURE_9.position)
+    with pytest.raises(InputError, match="wind"):
+        fit_scan(readings, SIMPLE, FIGURE_9, PAPER, frozenset({"wind"}))
+
+
+@pytest.mark.parametrize(("more", "moved"), [(2, False), (12, True)])
+def test_the_plain_fit_moves_only_for_clearly_more_readings(more: int, moved: bool) -> None:
+    # elsewhere, every prediction is 8 mm longer, so the readings that are 55 mm too long match
+    headings = np.radians(np.arange(0.0, 360.0, 0.5))
+    here, there = 1.0 + 0.3 * np.sin(3 * headings), replace(FIGURE_9, position=(FIGURE_9.position[0] + 0.01, 0.085))
+    too_long = np.zeros(120)
+    too_long[np.arange(20) * 6] = 0.5
+    too_long[np.arange(more) * 6] = 0.055
+    readings = readings_of(headings[::6], here[::6] + too_long) + readings_of(headings[::6], np.full(120, math.nan))
+    fit = best_agreement(readings, [(FIGURE_9, here), (there, here + 0.008)], frozenset({"position"}), PAPER)
+    assert fit.place == (there if moved else FIGURE_9)

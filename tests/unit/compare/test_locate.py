@@ -1,0 +1,242 @@
+"""Poses: probabilities of places, doubts, and what is wrong with a table of poses; and a robot that is tracked."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sonarhw_cli.options import with_options
+from sonarhw_compare.drawings import draw_located
+from sonarhw_compare.fit.starting import Scores
+from sonarhw_compare.locate import HEADER, UNKNOWN, Located, Pose, PoseSpread, known_heading, locate_scan, read_poses
+from sonarhw_compare.track import NearestLikelihood, Tracker, log_likelihood
+from sonarhw_sim.air import Model
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.room.room import Place, load_room, parse_room
+
+import sonarhw
+from sonarhw import InputError
+from sonarhw.readings import FloatArray
+from tests.fixtures.predicted_readings import readings_of
+
+ROOM, BOARD = load_room("arena"), load_board("lego-nxt")
+SCORES = Scores(
+    np.array([[0.0, 0.0], [1.0, 0.0]]), np.array([0.0, 1.0]), np.array([[0.0, -1.0], [-2.0, -math.inf]]), 1.0
+)
+
+
+def located(*poses: tuple[tuple[float, float], float], readings: int = 0, **more: object) -> Located:
+    """Return poses with these positions and probabilities."""
+    found = tuple(Pose(position, 0.0, 0.0, share, (0.01, 0.01, 0.01)) for position, share in poses)
+    scan = tuple(readings_of(np.zeros(readings), np.full(readings, 0.5)))
+    return Located(ROOM, BOARD, scan, found, SCORES, 2.0, 1.0, **more)  # type: ignore[arg-type]
+
+
+def test_a_place_has_the_share_of_the_poses_within_ten_centimetres() -> None:
+    (one, (x, y)), (other, (a, b)) = [(name, place.position) for name, place in ROOM.places.items()][:2]
+    found = located(((x + 0.09, y), 0.5), ((x, y - 0.05), 0.1), ((a, b), 0.2), ((x + 0.11, y), 0.2))
+    shares = found.places()
+    assert (shares[one], shares[other], set(shares)) == (pytest.approx(0.75), pytest.approx(0.25), set(ROOM.places))
+    assert [found.place_near(pose) for pose in found.poses] == [one, one, other, None]
+    assert set(located(((x + 0.5, y), 1.0)).places().values()) == {0.0}
+    # the log-posterior of the lattice sums headings and counts neighbours as one reading
+    second = -1.0 - math.log(1 + math.exp(-0.5))
+    assert located().lattice == pytest.approx([0.0, second])
+
+
+@pytest.mark.parametrize(("readings", "doubtful"), [(4, True), (12, True), (14, False)])
+def test_a_scan_with_few_independent_readings_is_doubtful(readings: int, doubtful: bool) -> None:
+    found = located(readings=readings)
+    assert [f"only {readings // 2} independent readings" in doubt for doubt in found.doubts] == [True] * doubtful
+
+
+@pytest.mark.parametrize(("stated", "turn"), [(175.0, None), (142.0, 40)])
+def test_a_heading_that_contradicts_the_stated_one_is_doubtful(stated: float, turn: int | None) -> None:
+    pose = Pose((1.0, 1.0), math.radians(-178), 0.0, 1.0, (0.01, 0.01, math.radians(1)))
+    place, spread = known_heading(math.radians(stated), math.radians(5))
+    scan = tuple(readings_of(np.zeros(20), np.full(20, 0.5)))
+    found = Located(ROOM, BOARD, scan, (pose,), SCORES, 1.0, 1.0, "scan", place, spread)
+    unlikely = "from --heading, which is unlikely with this --heading-sd; check both"
+    expected = [] if turn is None else [f"scan: step 0 of the first pose is {turn}° {unlikely}"]
+    assert [with_options(doubt) for doubt in found.doubts] == expected
+
+
+def test_figures_of_a_pose_have_no_unknown_deviation_and_no_negative_zero() -> None:
+    figures = Pose((1.0, 1.0), 0.5, 0.0, 1.0, (0.01, 0.01, math.radians(400))).figures(None)
+    assert figures["heading_deviation_deg"] is None
+    pose = Pose((-1e-9, -1e-9), math.radians(-0.1), -1e-9, 1.0, (0.01, 0.01, 0.01))
+    for heading, expected in ((0.0, -0.1), (math.radians(270), 359.9)):
+        figures = pose.figures(Place("p", (0.0, 0.0), heading))
+        assert figures["heading_deg"] == pytest.approx(expected)
+        assert "-0.0," not in json.dumps(figures)
+
+
+def test_a_room_without_any_echo_is_refused() -> None:
+    room = parse_room(
+        'name = "box"\n[materials.hard]\nreflectance = 0.0\n[[walls]]\nname = "box"\nclosed = true\n'
+        'material = "hard"\npoints = [[0.0, 0.0], [0.2, 0.0], [0.2, 0.2], [0.0, 0.2]]\n',
+        "box",
+    )
+    with pytest.raises(InputError, match="no position in this room"):
+        locate_scan(readings_of(np.arange(12) * math.pi / 6, np.full(12, 0.5)), room, load_board("polaroid-6500"))
+
+
+def test_the_picture_shows_each_echo_at_its_range_from_the_best_pose() -> None:
+    readings = tuple(readings_of(np.arange(4) * math.pi / 2, [0.5, math.nan, 0.75, 1.0]))
+    pose = Pose((0.4, 0.3), 0.2, 0.01, 1.0, (0.01, 0.01, 0.01))
+    (axes, *_) = draw_located(Located(ROOM, BOARD, readings, (pose,), SCORES, 2.0, 1.0)).axes
+    (points,) = (line.get_xydata() for line in axes.lines if str(line.get_label()).startswith("scan"))
+    away = [math.dist(point, pose.position) for point in np.asarray(points)]
+    assert away == pytest.approx([0.51, 0.76, 1.01])
+    legend = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert len(legend) == len(set(legend)) == 3
+
+
+# Tables of poses.
+
+
+LOGS = [Path("folder/a.mcap"), Path("b.mcap")]
+FIRST = "a.mcap,1,2,0,,"
+
+
+def table(folder: Path, *lines: str) -> Path:
+    path = folder / "poses.csv"
+    path.write_text("\n".join(lines))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("row", "place", "spread"),
+    [
+        ("b.mcap,3,4,90,0.03,2", Place("b", (3.0, 4.0), math.pi / 2), PoseSpread(0.03, math.radians(2))),
+        ("b.mcap,3,4,90,,", Place("b", (3.0, 4.0), math.pi / 2), PoseSpread(0.0, 0.0)),
+        ("b.mcap,,,,,", Place("b", (0.0, 0.0)), UNKNOWN),
+        ("b.mcap,,,180,,", Place("b", (0.0, 0.0), math.pi), PoseSpread(math.inf, 0.0)),
+        ("b.mcap,,,180,,90", Place("b", (0.0, 0.0), math.pi), PoseSpread(math.inf, math.pi / 2)),
+        ("b.mcap,1,2,,0.03,", Place("b", (1.0, 2.0)), PoseSpread(0.03, math.inf)),
+    ],
+)
+def test_poses_come_in_the_order_of_the_logs_and_what_a_row_lacks_is_unknown(
+    tmp_path: Path, row: str, place: Place, spread: PoseSpread
+) -> None:
+    rows = table(tmp_path, HEADER, row, FIRST)
+    assert read_poses(rows, LOGS) == [(Place("a", (1.0, 2.0)), PoseSpread(0.0, 0.0)), (place, spread)]
+    if math.isinf(max(spread.xy, spread.heading)):
+        with pytest.raises(InputError, match=r"b\.mcap: expected position and heading of the first log"):
+            read_poses(rows, LOGS[::-1])
+
+
+@pytest.mark.parametrize(
+    ("lines", "message"),
+    [
+        (["log,x,y"], "line 1: expected the header log,x_m"),
+        ([], "poses.csv: the file is empty; expected the header log,x_m"),
+        ([HEADER, FIRST], "no row for b.mcap; expected one for each log, .* the rows are for a.mcap"),
+        ([HEADER, FIRST, FIRST], "line 3: a.mcap was given before"),
+        ([HEADER, "a.mcap,1,,0,,"], "line 2: expected x and y, or neither"),
+        ([HEADER, "a.mcap,,,90,0.03,2"], "line 2: expected x and y, or neither and no sd_xy_m"),
+        ([HEADER, "a.mcap,1,2,,0.03,2"], "line 2: expected a heading, or no sd_heading_deg"),
+        ([HEADER, "a.mcap,1,2,0"], "line 2: expected 6 columns"),
+        (
+            [HEADER.replace(",", ";"), "a.mcap;1,5;2;0;;"],
+            "line 1: the columns are separated by semicolons; expected",
+        ),
+        ([HEADER, "a.mcap,1,5,2,0,,"], "line 2: expected 6 columns .*, got 7; write numbers with a point"),
+        ([HEADER, 'a.mcap,"1,5",2,0,,'], "line 2: expected a number, such as 1.5, got '1,5'"),
+        ([HEADER, "a.mcap,1,inf,0,,"], "line 2: expected a finite number"),
+        ([HEADER, "a.mcap,1,2,0,-1,"], "line 2: expected standard deviations of 0 or more"),
+        ([HEADER, "a.mcap,1,2,0,101,"], "line 2: expected standard deviations of at most 100 m and 180°, got 101 m"),
+        ([HEADER, "a.mcap,1,2,0,,1e9"], "line 2: .* got 0 m and 1e\\+09°; leave position or heading, .* empty"),
+        ([HEADER, "a.mcap," + 200_000 * "1"], "line 2: has more than 65536 characters; expected a table of poses"),
+        (["\udcff"], r"not UTF-8 text: byte 0xff; expected a table of poses \(CSV\) in UTF-8"),
+        (None, r"poses\.csv: no such file; give the name of a table of poses"),
+    ],
+)
+def test_a_wrong_table_of_poses_is_refused(tmp_path: Path, lines: list[str] | None, message: str) -> None:
+    path = tmp_path / "poses.csv"
+    if lines is not None:
+        path.write_bytes("\n".join(lines).encode(errors="surrogateescape"))
+    with pytest.raises(InputError, match=message):
+        read_poses(path, LOGS)
+
+
+def test_logs_of_one_name_are_told_apart_by_their_paths(tmp_path: Path) -> None:
+    logs = [Path("a/scan.mcap"), Path("b/scan.mcap")]
+    read = read_poses(table(tmp_path, HEADER, "b/scan.mcap,3,4,0,,", "./a/scan.mcap,1,2,0,,"), logs)
+    assert [place.position for place, _ in read] == [(1.0, 2.0), (3.0, 4.0)]
+    with pytest.raises(InputError, match=r"a/scan\.mcap and b/scan\.mcap have the same file name; expected rows with"):
+        read_poses(table(tmp_path, HEADER, "scan.mcap,1,2,0,,"), logs)
+    with pytest.raises(InputError, match=r"c/scan\.mcap and d/scan\.mcap have the same file name"):
+        read_poses(table(tmp_path, HEADER, "c/scan.mcap,1,2,0,,", "d/scan.mcap,1,2,0,,"), logs[:1])
+
+
+# A robot that is tracked.
+
+
+LABORATORY, QUICK = sonarhw.load_room("laboratory"), sonarhw.load_board("hc-sr04")
+HEADINGS, POSE = np.arange(16) * math.tau / 16, np.array([1.72, 1.23, 0.4])
+
+
+def measured(poses: FloatArray) -> FloatArray:
+    return np.asarray(sonarhw.predict_ranges(LABORATORY, poses, HEADINGS, QUICK))
+
+
+def likelihood(poses: FloatArray, ranges: FloatArray, headings: FloatArray = HEADINGS, **more: object) -> FloatArray:
+    return log_likelihood(LABORATORY, poses, headings, ranges, QUICK, **more)  # type: ignore[arg-type]
+
+
+def test_the_likelihood_is_highest_at_the_pose_of_the_readings() -> None:
+    ranges, sides = measured(POSE[None])[0], (-0.05, 0, 0.05)
+    poses = POSE + np.array([[dx, dy, turn] for dx in sides for dy in sides for turn in (-0.1, 0, 0.1)])
+    exact, moved = likelihood(poses, ranges), likelihood(poses, ranges, cell=0.02)
+    assert exact.argmax() == moved.argmax() == len(poses) // 2
+    assert np.median(np.abs(moved - exact)) < 0.2
+    turned = likelihood(poses * [1, 1, 180 / math.pi], ranges, np.degrees(HEADINGS), degrees=True)
+    assert np.allclose(turned, exact)
+    # silence counts, and readings in any order are equal
+    assert likelihood(POSE, np.full(16, np.nan))[0] < -16
+    order = np.random.default_rng(1).permutation(16)
+    assert likelihood(POSE, ranges[order], HEADINGS[order])[0] == pytest.approx(exact[len(poses) // 2])
+    assert likelihood(POSE, np.where(np.isnan(ranges), np.inf, ranges))[0] == pytest.approx(exact[len(poses) // 2])
+
+
+def test_the_nearest_wall_along_the_axis_is_the_mean_of_the_baseline() -> None:
+    near = NearestLikelihood(sonarhw.room_from_arrays([[0, 0], [4, 0], [4, 3], [0, 3]]), QUICK, Model.NEAREST)
+    poses = np.array([[x, 1.5, 0.0] for x in np.linspace(0.5, 3.5, 301)])
+    assert poses[near(poses, np.zeros(1), np.array([1.2])).argmax(), 0] == pytest.approx(2.8, abs=0.02)
+
+
+def test_a_tracker_follows_a_drive_and_repeats_with_its_seed() -> None:
+    """The drive is an arc, and the odometry measures 4 % too much."""
+    turns = 0.4 + 0.05 * np.arange(10)
+    steps = 0.04 * np.column_stack((np.cos(turns), np.sin(turns)))
+    poses = np.column_stack((POSE[:2] - (0.3, 0.2) + np.cumsum(steps, axis=0), turns))
+    odometry = np.tile([0.04 * 1.04, 0.0, 0.05 * 1.04], (10, 1))
+    odometry[0] = 0
+    ranges = measured(poses)
+    ranges[::3, 5] = 0.3  # stray
+    trackers = [Tracker(LABORATORY, QUICK, poses[0], particles=200, seed=4) for _ in range(2)]
+    results = [
+        [one.update(step, HEADINGS, row) for step, row in zip(odometry, ranges, strict=True)] for one in trackers
+    ]
+    assert results[0] == results[1]
+    assert max(math.dist(one.position, pose[:2]) for one, pose in zip(results[0], poses, strict=True)) < 0.05
+    last = results[0][-1]
+    assert abs(math.remainder(last.heading - poses[-1, 2], math.tau)) < math.radians(2)
+    assert (any(one.lost for one in results[0]), all(0 < one < 0.1 for one in last.deviations)) == (False, True)
+    assert (trackers[0].particles.shape, trackers[0].weights.sum()) == ((200, 3), pytest.approx(1))
+
+
+def test_a_robot_that_was_carried_away_is_lost_and_wrong_updates_are_refused() -> None:
+    tracker = Tracker(LABORATORY, QUICK, POSE, particles=100, cell=0.2)
+    elsewhere = measured(np.array([[0.9, 0.5, 2.0]]))[0]
+    assert [tracker.update([0, 0, 0], HEADINGS, elsewhere) for _ in range(4)][-1].lost
+    for step, headings, ranges, refused in (
+        ([0, 0], HEADINGS, np.ones(16), "odometry"),
+        ("left", HEADINGS, np.ones(16), "odometry"),
+        ([0, 0, 0], "all", np.ones(16), "headings"),
+        ([0, 0, 0], HEADINGS, np.ones(3), "ranges"),
+    ):
+        with pytest.raises(InputError, match=refused):
+            tracker.update(step, headings, ranges)

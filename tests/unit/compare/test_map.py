@@ -1,0 +1,320 @@
+"""Maps: the certainty grid of Moravec and Elfes, walls and points between arcs, and the picture of both."""
+
+import math
+from dataclasses import replace
+from typing import cast
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from sonarhw_compare.arcs import Arc
+from sonarhw_compare.drawings import draw_map
+from sonarhw_compare.fit import PlacedScan
+from sonarhw_compare.map import (
+    DEPTH,
+    CertaintyGrid,
+    Features,
+    Layer,
+    Point,
+    RoomMap,
+    Wall,
+    certainty_grid,
+    find_features,
+    reachable_walls,
+    with_possible_walls,
+)
+from sonarhw_compare.map import room_of as room_of_features
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.predict.prediction import CONE_HALF_ANGLE
+from sonarhw_sim.room.room import Place
+
+from sonarhw.readings import Reading
+from tests.fixtures.predicted_readings import readings_of
+from tests.fixtures.rooms_for_tests import room_of
+
+# The certainty grid, cell by cell.
+
+
+BOARD = load_board("paper")
+
+
+HERE = Place("", (0.3, 0.1))
+
+
+def grid_of(*rows: tuple[float, float], cell: float = 0.01, x: float = 0.3) -> CertaintyGrid:
+    """Return the grid of readings of headings (degrees) and ranges (m) at (`x`, 0.1)."""
+    degrees, ranges = zip(*rows, strict=True)
+    return certainty_grid(
+        [PlacedScan(readings_of(np.radians(degrees), ranges), replace(HERE, position=(x, 0.1)))],
+        BOARD,
+        [np.ones(len(rows), np.bool_)],
+        cell,
+    )
+
+
+def polar(grid: CertaintyGrid, degrees: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return distance from the sensor and angle from the axis of each cell, m and rad."""
+    rows, columns = np.indices(grid.empty.shape)
+    x = grid.left + (columns + 0.5) * grid.cell - 0.3
+    y = grid.bottom + (rows + 0.5) * grid.cell - 0.1
+    aside = np.remainder(np.arctan2(y, x) - math.radians(degrees) + math.pi, math.tau) - math.pi
+    return np.hypot(x, y), np.abs(aside)
+
+
+@pytest.mark.parametrize(("degrees", "far"), [(0.0, 0.8), (70.0, 1.3), (200.0, 0.5)])
+def test_one_reading_gives_the_printed_profiles(degrees: float, far: float) -> None:
+    grid = grid_of((degrees, far))
+    away, aside = polar(grid, degrees)
+    share = np.where(aside < CONE_HALF_ANGLE, 1 - (aside / CONE_HALF_ANGLE) ** 2, 0.0)
+    before = far - DEPTH
+    empty = np.where(away < before, share * (1 - (away / before) ** 2), 0.0)
+    assert grid.empty == pytest.approx(empty, abs=1e-9)
+    occupied = np.where(np.abs(away - far) < DEPTH, share * (1 - ((away - far) / DEPTH) ** 2), 0.0) * (1 - empty)
+    # an arc adds 1 in all; the highest certainty of the grid is then 1
+    assert grid.occupied == pytest.approx(occupied / occupied.max(), abs=1e-9)
+    assert grid.certainty == pytest.approx(np.where(grid.occupied >= empty, grid.occupied, -empty), abs=1e-9)
+
+
+def test_two_equal_readings_combine_as_independent_probabilities() -> None:
+    once, twice = grid_of((30.0, 0.8)), grid_of((30.0, 0.8), (30.0, 0.8))
+    assert 1 - twice.empty == pytest.approx((1 - once.empty) ** 2)
+
+
+def test_a_grid_has_a_margin_of_20_centimetres_and_at_most_1200_cells_to_a_side() -> None:
+    grid = grid_of((0.0, 1.0), cell=0.02)
+    left, right, bottom, top = grid.extent
+    assert (left, bottom) == pytest.approx((0.1, -0.1))
+    assert (right, top) == pytest.approx((1.5, 0.3), abs=0.021)
+    huge = certainty_grid([PlacedScan(readings_of([0.0], [100.0]), HERE)], BOARD, [np.ones(1, np.bool_)])
+    assert max(huge.empty.shape) in (1200, 1201)
+
+
+def test_certainty_outside_the_grid_is_0_and_inside_that_of_the_cell() -> None:
+    grid = CertaintyGrid(1.0, 2.0, 0.5, np.zeros((2, 3)), np.array([[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]]))
+    points = [
+        [1.01, 2.01],
+        [2.49, 2.01],
+        [1.01, 2.99],
+        [2.49, 2.99],
+        [0.99, 2.5],
+        [2.51, 2.5],
+        [1.5, 1.99],
+        [1.5, 3.01],
+    ]
+    assert grid.at(np.array(points)) == pytest.approx([0.1, 0.3, 0.4, 0.6, 0, 0, 0, 0])
+    assert grid.extent == (1.0, 2.5, 2.0, 3.0)
+
+
+# Walls and points between the arcs of several places.
+
+
+def arc_to(centre: tuple[float, float], target: tuple[float, float]) -> Arc:
+    """Return an arc with its middle at a target."""
+    dx, dy = target[0] - centre[0], target[1] - centre[1]
+    return Arc(0, (), centre, math.hypot(dx, dy), math.atan2(dy, dx), math.radians(8))
+
+
+@pytest.mark.parametrize(("apart", "length"), [(0.06, 0.1), (0.1, 0.1), (0.4, 0.4)])
+def test_a_wall_is_as_long_as_the_touched_part_but_at_least_10_centimetres(apart: float, length: float) -> None:
+    (wall,) = find_features([arc_to((x, 0.0), (x, 1.0)) for x in (0.3, 0.3 + apart)]).walls
+    ends = sorted((wall.start, wall.end))
+    assert [y for _, y in ends] == pytest.approx([1.0, 1.0], abs=1e-6)
+    assert [x for x, _ in ends] == pytest.approx([0.3 + (apart - length) / 2, 0.3 + (apart + length) / 2], abs=1e-6)
+
+
+def test_places_less_than_5_centimetres_apart_are_one() -> None:
+    assert find_features([arc_to((x, 0.0), (x, 1.0)) for x in (0.3, 0.349)]).walls == ()
+    assert len(find_features([arc_to((x, 0.0), (x, 1.0)) for x in (0.3, 0.351)]).walls) == 1
+
+
+def test_an_empty_cell_is_not_occupied_by_another_reading() -> None:
+    """Two points on the arc of a near reading, equally far from its axis; a far reading passes through one of them."""
+    place, (near, far) = Place("", (0.0, 0.0)), readings_of(np.radians([10.0, 0.0]), [0.6, 1.5])
+    spots = [[0.6 * math.cos(math.radians(at)), 0.6 * math.sin(math.radians(at))] for at in (2.0, 18.0)]
+
+    def filled(*readings: Reading) -> list[float]:
+        grid = certainty_grid([PlacedScan(readings, place)], BOARD, [np.ones(len(readings), dtype=np.bool_)], 0.005)
+        column, row = np.floor((np.array(spots) - (grid.left, grid.bottom)) / grid.cell).astype(int).T
+        return grid.occupied[row, column].tolist()
+
+    seen_through, beside = filled(near)
+    assert seen_through == pytest.approx(beside, rel=0.05)
+    seen_through, beside = filled(near, far)
+    assert seen_through < 0.5 * beside
+
+
+def test_two_places_distinguish_a_wall_from_a_point() -> None:
+    centres = [(0.0, 0.0), (0.6, 0.1)]
+    wall = find_features([arc_to(centre, (centre[0], 1.0)) for centre in centres])
+    assert [round(math.degrees(one.normal)) for one in wall.walls] == [90]
+    np.testing.assert_allclose([wall.walls[0].start[1], wall.walls[0].end[1]], 1.0, atol=1e-6)
+    point = find_features([arc_to(centre, (0.4, 1.0)) for centre in centres])
+    (found,) = point.points
+    np.testing.assert_allclose(found.position, (0.4, 1.0), atol=1e-6)
+    assert not found.is_corner
+
+
+def test_one_place_gives_arcs_only() -> None:
+    features = find_features([arc_to((0.0, 0.0), (0.0, 1.0)), arc_to((0.01, 0.0), (0.01, 1.0))])
+    assert (features.walls, features.points) == ((), ())
+    assert len(features.alone) == 2
+
+
+@pytest.mark.parametrize(
+    ("x", "behind", "possible"),
+    [
+        (0.45, 1.0, True),
+        (0.04, 1.0, False),
+        (0.86, 1.0, False),
+        (0.45, 0.11, True),
+        (0.45, 0.09, False),
+        (1.5, 1.0, False),
+    ],
+)
+def test_a_wall_through_which_a_scan_detects_echoes_is_possible_only(x: float, behind: float, possible: bool) -> None:
+    centres = [(0.0, 0.0), (0.4, 0.1), (0.9, 0.05)]
+    features = find_features([arc_to(centre, (centre[0], 1.0)) for centre in centres])
+    looking_up = PlacedScan(
+        readings_of(np.radians(84.0 + 3 * np.arange(5)), np.full(5, 0.8 + behind)), Place("", (x, 0.2))
+    )
+    marked = with_possible_walls(features, [looking_up], BOARD, [np.ones(5, dtype=np.bool_)])
+    assert [wall.possible for wall in marked.walls] == [possible]
+    assert (room_of_features(marked) is None) == possible
+
+
+def wall(start: tuple[float, float], end: tuple[float, float], degrees: float, *arcs: int) -> Wall:
+    return Wall(start, end, math.radians(degrees), arcs)
+
+
+def arc(x: float, y: float, distance: float, degrees: float) -> Arc:
+    return Arc(0, (), (x, y), distance, math.radians(degrees), math.radians(5))
+
+
+UP, ASIDE = arc(0.5, 0.0, 1.0, 90.0), arc(0.5, 0.0, 1.0, 0.0)
+
+
+def ends(*walls: Wall) -> list[list[float]]:
+    room = room_of_features(Features((UP, ASIDE), walls, ()))
+    assert room is not None
+    return np.round(room.walls, 6).tolist()
+
+
+@pytest.mark.parametrize("gap", [0.0, 0.5, 0.99])
+def test_walls_less_than_a_metre_from_their_corner_are_extended_to_it(gap: float) -> None:
+    """One wall along y = 1, one along x = 1.5; both end `gap` before the corner."""
+    level = wall((0.2, 1.0), (1.5 - gap, 1.0), 90, 0)
+    upright = wall((1.5, -0.4), (1.5, 1.0 - gap), 0, 1)
+    assert ends(level, upright) == [[0.2, 1.0, 1.5, 1.0], [1.5, -0.4, 1.5, 1.0]]
+
+
+def test_walls_more_than_a_metre_from_their_corner_are_not_extended() -> None:
+    level, upright = wall((-0.6, 1.0), (0.49, 1.0), 90, 0), wall((1.5, -1.4), (1.5, -0.01), 0, 1)
+    assert ends(level, upright) == [[-0.6, 1.0, 0.49, 1.0], [1.5, -1.4, 1.5, -0.01]]
+
+
+def test_nearly_parallel_walls_do_not_meet() -> None:
+    slight = math.tan(math.radians(8))
+    level, oblique = wall((0.2, 1.0), (0.8, 1.0), 90, 0), wall((0.9, 1.02), (1.5, 1.02 + 0.6 * slight), 98, 1)
+    assert ends(level, oblique)[0] == [0.2, 1.0, 0.8, 1.0]
+
+
+def test_without_walls_there_is_no_room() -> None:
+    assert room_of_features(Features((UP,), (), ())) is None
+
+
+@pytest.mark.parametrize(
+    ("y", "left", "reachable"),
+    [
+        (2.0, 0.3, False),  # behind the near wall
+        (1.05, 0.3, True),  # so near behind it that it may be the same wall
+        (2.0, 0.55, False),  # the near wall counts as 10 cm longer
+        (2.0, 0.65, True),  # the straight line passes the end of the near wall
+    ],
+)
+def test_a_wall_behind_another_is_an_image(y: float, left: float, reachable: bool) -> None:
+    arcs = (UP, arc(0.5, 0.0, y, 90.0))
+    near, far = wall((left, 1.0), (left + 1.0, 1.0), 90, 0), wall((0.3, y), (0.9, y), 90, 1)
+    assert reachable_walls(Features(arcs, (far, near), ())) == ((near, far) if reachable else (near,))
+
+
+def test_a_wall_that_most_places_see_is_reachable() -> None:
+    arcs = (UP, arc(0.5, 0.0, 2.0, 90.0), arc(2.0, 0.0, 2.0, 90.0), arc(2.3, 0.0, 2.0, 90.0))
+    near = wall((0.3, 1.0), (0.9, 1.0), 90, 0)
+    assert len(reachable_walls(Features(arcs, (near, wall((0.5, 2.0), (2.3, 2.0), 90, 1, 2, 3)), ()))) == 2
+    assert len(reachable_walls(Features(arcs, (near, wall((0.5, 2.0), (2.3, 2.0), 90, 1, 2)), ()))) == 2
+    assert len(reachable_walls(Features(arcs, (near, wall((0.5, 2.0), (2.3, 2.0), 90, 1)), ()))) == 1
+
+
+# The picture of a map.
+
+
+CENTRES = ((0.0, 0.0), (0.5, 0.0), (1.0, 0.0))
+
+
+ARCS = tuple(Arc(k, (), centre, 2.0, math.pi / 2, math.radians(10)) for k, centre in enumerate(CENTRES))
+
+
+WALL = Wall((0.0, 2.0), (1.0, 2.0), math.pi / 2, (0, 1, 2))
+
+
+CORNER, EDGE = Point((1.5, 2.0), True, ()), Point((-0.5, 1.0), False, ())
+
+
+def map_from(places: int) -> RoomMap:
+    """Return a map from this number of places, with one wall, one corner and one edge."""
+    grid = CertaintyGrid(-1.0, -1.0, 0.1, np.zeros((40, 40)), np.zeros((40, 40)))
+    kept = (np.ones(0, np.bool_),) * places
+    layer = Layer(kept, grid, Features(ARCS[:places], (WALL,), (CORNER, EDGE)))
+    scans = tuple(PlacedScan([], Place("", centre)) for centre in CENTRES[:places])
+    return RoomMap(scans, layer, room_of([[0.0, 2.0, 1.0, 2.0]]), layer, kept)
+
+
+def line(axes: Axes, label: str) -> list[list[float]]:
+    """Return the points of the line with this label."""
+    (drawn,) = (one for one in axes.lines if one.get_label() == label)
+    return cast(list[list[float]], np.asarray(drawn.get_xydata()).tolist())
+
+
+def test_features_are_drawn_at_their_positions() -> None:
+    figure = draw_map(map_from(3), room_of([[0.0, -1.0, 1.0, -1.0]], [(0.5, -0.5, 0.25)]))
+    assert len(figure.axes) == 2
+    for axes in figure.axes:
+        assert line(axes, "corner") == [[1.5, 2.0]]
+        assert line(axes, "edge") == [[-0.5, 1.0]]
+        assert line(axes, "sensor") == [list(centre) for centre in CENTRES]
+        drawn = [np.asarray(one.get_xydata()).tolist() for one in axes.lines]
+        assert [[0.0, 2.0], [1.0, 2.0]] in drawn
+        assert [[0.0, -1.0], [1.0, -1.0]] in drawn
+        (post,) = axes.patches
+        assert (post.center, post.radius) == ((0.5, -0.5), 0.25)
+        (arc,) = (np.array(points) for points in drawn if len(points) > 3 and abs(points[0][0] - 0.85) < 0.1)
+        np.testing.assert_allclose(np.hypot(arc[:, 0] - 0.5, arc[:, 1]), 2.0)
+        bearings = np.degrees(np.arctan2(arc[:, 1], arc[:, 0] - 0.5))
+        assert (bearings.min(), bearings.max()) == pytest.approx((80.0, 100.0))
+        # 8 % of the longer side is left free
+        assert axes.get_xlim() == pytest.approx((-0.5 - 0.08 * 3.0, 1.5 + 0.08 * 3.0), abs=0.02)
+        assert axes.get_ylim() == pytest.approx((-1.0 - 0.08 * 3.0, 2.0 + 0.08 * 3.0), abs=0.02)
+
+
+def test_features_of_two_places_are_called_possible() -> None:
+    left, _ = draw_map(map_from(2)).axes
+    assert line(left, "possible corner") == [[1.5, 2.0]]
+    assert "corner" not in [one.get_label() for one in left.lines]
+
+
+def test_echoes_that_are_not_determined_make_one_plan() -> None:
+    figure = draw_map(replace(map_from(3), followed_room=None))
+    assert len(figure.axes) == 1
+    (legend,) = figure.legends
+    figure.draw_without_rendering()
+    box = legend.get_window_extent()
+    assert 0 <= box.x0 < box.x1 <= figure.bbox.width
+
+
+def test_the_legend_names_what_is_drawn() -> None:
+    whole = map_from(3)
+    bare = replace(whole.plain, features=Features((), (), ()))
+    for layer, expected in ((whole.plain, {"region of constant depth", "wall", "corner", "edge"}), (bare, set())):
+        (legend,) = draw_map(replace(whole, plain=layer, direct=layer)).legends
+        named = {text.get_text() for text in legend.get_texts()}
+        assert named == expected | {"sensor", "empty", "unknown", "occupied"}

@@ -1,0 +1,436 @@
+"""A scan beside its prediction: classes, figures, echoes, regions and probabilities, on scans with known truth."""
+
+import math
+from dataclasses import replace
+from itertools import permutations
+from statistics import NormalDist
+
+import numpy as np
+import pytest
+from scipy.special import j1
+from scipy.stats import norm
+from sonarhw_compare.arcs import POSSIBLE, arcs_of, headings_and_ranges
+from sonarhw_compare.explain import reading_details, region_details
+from sonarhw_compare.fit.objective import make_problem
+from sonarhw_compare.fit.parameters import free_parameters
+from sonarhw_compare.fit.result import PlacedScan
+from sonarhw_compare.locate import PoseSpread
+from sonarhw_compare.map import map_scans
+from sonarhw_compare.match import TOLERANCE, Comparison, Kind, classify, compare_readings, match_readings, roc_area
+from sonarhw_compare.regions import Region, mean_run, regions_of
+from sonarhw_compare.rooms.evidence import evidence_of
+from sonarhw_compare.score import (
+    assigned,
+    assigned_echoes,
+    calibration,
+    compare_regions,
+    echo_statistics,
+    match_regions,
+    score_comparison,
+)
+from sonarhw_sim.air import Model
+from sonarhw_sim.board.profile import Board, Mount, OwnBodyPart, load_board
+from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, predict_with
+from sonarhw_sim.predict.room_echoes import EXACT, RoomEchoes
+from sonarhw_sim.room.room import Place, load_room
+
+from sonarhw.readings import Ping, Reading
+from tests.fixtures.predicted_readings import predicted_readings, readings_of
+from tests.fixtures.rooms_for_tests import polygon_room
+
+ROOM, ARENA = load_room("simple"), load_room("arena")
+PLACE = ROOM.places["figure9"]
+PAPER, NXT = load_board("paper"), load_board("lego-nxt")
+
+
+@pytest.mark.parametrize(
+    ("measured", "predicted", "kind"),
+    [
+        (1.00, 1.05, Kind.MATCH),
+        (1.0, 1.051, Kind.SHORT),
+        (1.051, 1.0, Kind.LONG),
+        (None, 1.0, Kind.MISSED),
+        (1.0, None, Kind.EXTRA),
+        (None, None, Kind.BOTH_SILENT),
+    ],
+)
+def test_every_reading_has_one_class(measured: float | None, predicted: float | None, kind: Kind) -> None:
+    assert classify(measured, predicted) is kind
+
+
+def test_figures_count_the_changes_of_the_scan() -> None:
+    board, angles = replace(PAPER, threshold_db=-3.0), np.radians(np.arange(0, 360, 5.0))  # some headings are silent
+    ranges = predict_scan(ROOM, PLACE, board, angles).ranges
+    heard, silent = np.flatnonzero(~np.isnan(ranges)), np.flatnonzero(np.isnan(ranges))
+    assert len(silent) > 5
+    measured = ranges.copy()
+    measured[heard[:2]] = math.nan, ranges[heard[1]] - 0.3
+    measured[silent[0]] = 0.5
+    summary = compare_readings(readings_of(angles, measured), ROOM, PLACE, board).summary()
+    assert summary.classes["missed"] == summary.classes["short"] == summary.classes["extra"] == 1
+    assert (sum(summary.classes.values()), summary.n_echo) == (summary.n, len(heard)) == (72, len(heard))
+    assert summary.within_5cm == pytest.approx((len(heard) - 2) / len(heard))
+    expected = ((len(silent) - 1) / len(silent) + (len(heard) - 1) / len(heard)) / 2
+    assert summary.no_echo_agreement == pytest.approx(expected)
+    assert summary.median_abs_error_m == pytest.approx(0.0, abs=1e-9)
+    none = compare_readings(readings_of([0.0], [math.nan]), ROOM, PLACE, PAPER).summary()
+    assert (none.within_5cm, none.median_abs_error_m, none.no_echo_agreement, none.explained) == (None,) * 4
+
+
+def test_the_offset_is_added_to_measured_ranges() -> None:
+    readings = readings_of([math.pi / 2], [0.6])
+    kinds = [compare_readings(readings, ROOM, PLACE, PAPER, offset=by).rows[0].kind for by in (0.057, 0.0)]
+    assert (kinds[0], kinds[1]) == (Kind.MATCH, Kind.SHORT)
+
+
+def test_the_area_under_the_curve_of_silence_is_the_share_of_correctly_ordered_pairs() -> None:
+    random = np.random.default_rng(3)
+    scores, sounding = random.integers(0, 6, 60).astype(np.float64), random.random(60) < 0.7
+    scores[:5] = -math.inf
+    pairs = [(a > b) + 0.5 * (a == b) for a in scores[sounding] for b in scores[~sounding]]
+    assert roc_area(scores, sounding.tolist()) == pytest.approx(np.mean(pairs))
+    assert roc_area(scores, [True] * 60) is roc_area(scores, [False] * 60) is None
+
+
+@pytest.mark.parametrize("name", ["lego-nxt", "paper-b12"])  # one search for all headings, and one for each
+def test_a_heading_has_an_echo_if_its_loudest_path_is_over_the_threshold(name: str) -> None:
+    board = load_board(name)
+    scan = predict_scan(ARENA, ARENA.places["p1"], board, np.radians(np.arange(0, 360, 40.0)))
+    heard = scan.over_threshold >= 0
+    assert (heard == ~np.isnan(scan.ranges)).all()
+    loudest = [max(echo.level_db for echo in scan.ping(k).echoes) for k in np.flatnonzero(heard)]
+    assert scan.over_threshold[heard] + board.threshold_db == pytest.approx(loudest)
+
+
+# Echoes of one reading.
+
+
+def test_assignment_has_the_least_cost_of_all_one_to_one_assignments() -> None:
+    random = np.random.default_rng(2)
+    for _ in range(50):
+        measured, predicted = np.sort(random.uniform(0, 0.5, 4)), np.sort(random.uniform(0, 0.5, 5))
+        costs = [
+            sum(min(abs(m - predicted[k]), 2 * TOLERANCE) for m, k in zip(measured, order, strict=False))
+            for order in permutations(range(5), 4)
+        ]
+        chosen = assigned(measured, predicted)
+        taken = [k for k in chosen if k is not None]
+        cost = sum(2 * TOLERANCE if k is None else abs(m - predicted[k]) for m, k in zip(measured, chosen, strict=True))
+        assert len(set(taken)) == len(taken)
+        # pairs between one and two gates are not assigned and cost two gates
+        assert cost == pytest.approx(min(costs), abs=TOLERANCE * (len(chosen) - len(taken)) + 1e-12)
+    assert (assigned(np.empty(0), np.ones(1)), assigned(np.ones(1), np.empty(0))) == ([], [None])
+
+
+def test_every_echo_of_a_reading_gets_its_predicted_echo() -> None:
+    echoes = predict_scan(ROOM, PLACE, PAPER, np.array([1.0])).ping(0).echoes[:3]
+    ranges = [echoes[0].range - 0.3, *(echo.range + 0.004 for echo in echoes)]
+    comparison = compare_readings(readings_of([0.0], [ranges]), ROOM, replace(PLACE, heading=1.0), PAPER)
+    assert [echo and echo.path for _, echo in assigned_echoes(comparison, 0)] == [None, *(one.path for one in echoes)]
+    statistics = echo_statistics(comparison)
+    assert (statistics.echoes, statistics.explained) == (4, 0.75)
+
+
+@pytest.mark.parametrize(("bias", "deviation"), [(0.0, 0.002), (0.005, 0.004)])
+def test_bias_and_spread_of_normal_residuals_are_their_mean_and_deviation(bias: float, deviation: float) -> None:
+    predicted = predict_scan(ROOM, PLACE, PAPER, np.array([1.0])).ping(0).echoes[0].range
+    # one residual that is far off hardly changes either
+    residuals = np.append(bias + deviation * norm.ppf((np.arange(200) + 0.5) / 200), 0.04)
+    readings = readings_of(np.zeros(201), predicted + residuals)
+    statistics = echo_statistics(compare_readings(readings, ROOM, replace(PLACE, heading=1.0), PAPER))
+    assert statistics.bias_m == pytest.approx(bias, abs=1e-4)
+    assert statistics.spread_m == pytest.approx(deviation, rel=0.02)
+
+
+# Regions of constant depth.
+
+
+HEADINGS = np.radians(np.arange(0.0, 360.0, 3.0))
+NOTHING = np.full(120, np.nan)
+
+
+def ranges_with(*parts: tuple[int, int, float], other: float = math.nan) -> np.ndarray:
+    """Return 120 ranges with these values from one row to before another, which may be after the last."""
+    ranges = np.full(120, other)
+    for first, end, range_ in parts:
+        ranges[np.arange(first, end) % 120] = range_
+    return ranges
+
+
+@pytest.mark.parametrize(
+    ("ranges", "found"),
+    [
+        (ranges_with((116, 125, 1.0)), [(1.0, 9, 116)]),  # across heading 0
+        (ranges_with((116, 125, 1.0), other=2.0), [(1.0, 9, 116), (2.0, 111, 5)]),
+        (ranges_with((60, 70, math.nan), (90, 91, math.nan), (0, 1, math.nan), other=1.0), [(1.0, 108, 70)]),
+        (ranges_with((60, 70, math.nan), (80, 81, 2.0), other=1.0), [(1.0, 99, 81), (1.0, 10, 70)]),
+        (NOTHING, []),
+    ],
+)
+def test_regions_end_at_other_ranges_and_at_wide_silence_only(
+    ranges: np.ndarray, found: list[tuple[float, int, int]]
+) -> None:
+    regions = regions_of(HEADINGS, ranges)
+    assert sorted((one.range, len(one), one.rows[0]) for one in regions) == sorted(found)
+
+
+def test_slowly_changing_ranges_are_split_at_the_tolerance() -> None:
+    ranges = NOTHING.copy()
+    ranges[10:30] = 1.0 + 0.004 * np.arange(20)
+    regions = regions_of(HEADINGS, ranges, tolerance=0.0201, least_width=0.0)
+    assert [region.rows[0] for region in regions] == [10, 16, 22, 28]
+    assert regions_of(HEADINGS, ranges, tolerance=0.003) == ()
+
+
+@pytest.mark.parametrize("step", [1.0, 2.0, 2.5, 5.0])
+def test_whether_a_region_is_found_does_not_depend_on_its_heading(step: float) -> None:
+    count = round(360 / step)
+    headings, wide = np.radians(step * np.arange(count)), round(10 / step) + 1
+    for first in range(0, count, 3):
+        rows = (first + np.arange(wide)) % count
+        ranges, narrower = np.full(count, np.nan), np.full(count, np.nan)
+        ranges[rows] = narrower[rows[1:]] = 2.0
+        assert [len(region) for region in regions_of(headings, ranges)] == [wide]
+        assert regions_of(headings, narrower) == ()
+
+
+@pytest.mark.parametrize(
+    ("degrees", "lengths"),
+    [
+        ([*range(0, 30, 3), *range(60, 90, 3)], [10, 10]),
+        ([k for k in range(0, 63, 3) if k != 30], [10, 10]),  # one heading was left out
+        (np.cumsum([4.2 if k % 6 == 5 else 3.0 for k in range(20)]), [20]),  # steps vary
+    ],
+)
+def test_a_gap_between_headings_ends_a_region(degrees: list[float], lengths: list[int]) -> None:
+    assert [len(one) for one in regions_of(np.radians(degrees), np.full(20, 2.0))] == lengths
+
+
+def test_order_whole_turns_and_repeated_pings_do_not_matter() -> None:
+    random = np.random.default_rng(3)
+    ranges, order = np.repeat(random.uniform(0.5, 3.0, 12), 10), random.permutation(120)
+    straight = regions_of(HEADINGS, ranges)
+    shuffled = regions_of(HEADINGS[order] + math.tau * random.integers(-2, 3, 120), ranges[order])
+    assert len(straight) == 12
+    assert [sorted(order[list(region.rows)].tolist()) for region in shuffled] == [sorted(r.rows) for r in straight]
+    thrice = regions_of(np.repeat(HEADINGS, 3), np.repeat(ranges, 3))
+    assert [(one.bearing, one.width, len(one)) for one in thrice] == [(r.bearing, r.width, 30) for r in straight]
+    # neighbours with one range count as one reading
+    assert mean_run(HEADINGS, np.repeat([1.0, np.nan, 2.0, 3.0], 30)) == pytest.approx(30)
+    assert [mean_run(HEADINGS, np.arange(120.0)), mean_run(np.repeat(HEADINGS, 3), np.repeat(ranges, 3))] == [1, 30]
+
+
+def test_the_width_of_a_region_follows_from_the_beam() -> None:
+    """The two-way beam falls below the threshold at a known angle from the normal of a single wall."""
+    room, headings = polygon_room([(2.0, -3.0), (2.0, 3.0)], closed=False), np.radians(np.arange(-60.0, 60.0, 0.25))
+    widest = max(regions_of(headings, predict_scan(room, Place("", (0, 0)), PAPER, headings).ranges), key=len)
+    angles = np.linspace(0, math.radians(12), 20_001)[1:]
+    x = PAPER.wavenumber(room.air) * PAPER.aperture_radius * np.sin(angles)
+    both_ways = 0.9 * (2 * j1(x) / x * np.cos(angles)) ** 2
+    reach = angles[np.flatnonzero(both_ways >= 10 ** (PAPER.threshold_db / 20))[-1]]
+    assert (widest.range, widest.bearing % math.tau) == pytest.approx((2.0, 0.0), abs=1e-9)
+    assert math.degrees(widest.width) == pytest.approx(2 * math.degrees(reach), abs=0.5)
+
+
+def test_regions_of_a_scan_show_its_rotation_offset_and_silence() -> None:
+    place = ARENA.places["p3"]
+    ranges = predict_scan(ARENA, place, NXT, HEADINGS).ranges
+    same = compare_regions(compare_readings(readings_of(HEADINGS, ranges), ARENA, place, NXT))
+    assert len(same.pairs) >= 4
+    assert (same.only_measured, same.only_predicted) == ((), ())
+    assert all(one.range == pytest.approx(other.range) and one.rows == other.rows for one, other in same.pairs)
+    turned = predict_scan(ARENA, place, NXT, HEADINGS + math.radians(6)).ranges + 0.02
+    pairs = region_details(compare_readings(readings_of(HEADINGS, turned), ARENA, place, NXT))["pairs"]
+    assert np.median([pair["farther_m"] for pair in pairs]) == pytest.approx(0.02, abs=1e-6)
+    assert np.median([pair["turned_deg"] for pair in pairs]) == pytest.approx(-6, abs=1.6)
+    lost = next(one for one in regions_of(HEADINGS, ranges) if max(one.rows) - min(one.rows) == len(one) - 1)
+    ranges[list(lost.rows)] = math.nan
+    found = compare_regions(compare_readings(readings_of(HEADINGS, ranges), ARENA, place, NXT))
+    assert (found.only_predicted, len(found.pairs)) == ((lost,), len(same.pairs) - 1)
+
+
+def test_two_walls_at_equal_range_are_two_regions() -> None:
+    place = ARENA.places["p1"]  # 30 cm from two walls
+    found = compare_regions(compare_readings(predicted_readings(ARENA, place, NXT, 3.0), ARENA, place, NXT))
+    assert sum(abs(region.range - 0.3) < 0.01 for region, _ in found.pairs) == 2
+    assert (found.parts, found.only_measured, found.only_predicted) == ((), (), ())
+
+
+def arc(begin: float, end: float, distance: float = 1.0) -> Region:
+    """Return a region from one heading to another, degrees."""
+    return Region((0,), distance, math.radians((begin + end) / 2) % math.tau, math.radians(end - begin))
+
+
+@pytest.mark.parametrize(
+    ("measured", "predicted", "pairs", "parts"),
+    [
+        ([arc(0, 20)], [arc(21, 45)], [], []),
+        ([arc(-30, -1)], [arc(1, 30)], [], []),
+        ([arc(0, 30)], [arc(0, 30, 1.06)], [], []),
+        ([arc(0, 30)], [arc(0, 30, 1.04)], [(0, 0)], []),
+        ([arc(-20, 10)], [arc(5, 40)], [(0, 0)], []),  # across heading 0
+        ([arc(0, 30)], [arc(-10, 12), arc(14, 34)], [(0, 1)], [(0, 0)]),  # 12° and 16° in common
+        ([arc(0, 30), arc(40, 60)], [arc(0, 60)], [(0, 0)], [(1, 0)]),  # detected in pieces
+        ([], [arc(0, 30)], [], []),
+    ],
+)
+def test_regions_are_paired_by_the_headings_that_they_have_in_common(
+    measured: list[Region], predicted: list[Region], pairs: list[tuple[int, int]], parts: list[tuple[int, int]]
+) -> None:
+    found = match_regions(measured, predicted)
+    for matched, expected in ((found.pairs, pairs), (found.parts, parts)):
+        assert [*matched] == [(measured[one], predicted[other]) for one, other in expected]
+    paired = [*found.pairs, *found.parts]
+    assert {*found.only_measured} == {*measured} - {one for one, _ in paired}
+    assert {*found.only_predicted} == {*predicted} - {other for _, other in paired}
+
+
+# The carrier's own body, and a turntable that is not nominal: the same for comparison, fit and map.
+
+
+HERE = Place("", (0.42, 0.42))
+BODY = replace(NXT, own_body=(OwnBodyPart(from_deg=40.0, to_deg=80.0, nearest=0.05, farthest=0.09),))
+
+
+def test_readings_of_the_own_body_are_in_no_share_region_fit_or_map() -> None:
+    angles = np.radians(np.arange(0.0, 360.0, 5.0))
+    ranges = predict_scan(ARENA, HERE, NXT, angles).ranges
+    ranges[8:17] = 0.07
+    readings = readings_of(angles, ranges, ARENA.air.speed_of_sound)
+    comparison = compare_readings(readings, ARENA, HERE, BODY)
+    assert [row.index for row in comparison.rows if row.kind is Kind.OWN_BODY] == list(range(8, 17))
+    summary, naive = comparison.summary(), compare_readings(readings, ARENA, HERE, NXT).summary()
+    assert (summary.classes["own_body"], summary.within_5cm, summary.explained) == (9, 1.0, 1.0)
+    assert (naive.within_5cm or 0.0) < 0.9
+    assert summary.n_echo == naive.n_echo - 9 == echo_statistics(comparison).echoes
+    details = reading_details(comparison, 10)
+    assert (details["class"], details["echoes"], details["threshold_change_db"]) == ("own_body", [], None)
+    regions = compare_regions(comparison)
+    assert all(one.range > 0.1 for one in (*(first for first, _ in regions.pairs), *regions.only_measured))
+    placed, of_room = PlacedScan(readings, HERE), [one for k, one in enumerate(readings) if not 8 <= k < 17]
+    free = free_parameters(("heading",), ("scan",), ARENA, BODY)
+    problem = make_problem([placed], ARENA, BODY, free, PredictionOptions(), all_echoes=False)
+    assert len(problem.scans[0].angles) == len(of_room)
+    # arcs count the rows as the likelihood does
+    arcs = arcs_of(evidence_of([placed], [PoseSpread()], BODY, ARENA.air).scans, BODY, POSSIBLE)
+    assert arcs == arcs_of([PlacedScan(of_room, HERE)], NXT, POSSIBLE)
+    found = map_scans([placed], BODY, ARENA)
+    assert (found.echoes, found.undetermined) == (summary.n_echo, 0)
+
+
+TURNED = Place("", (0.42, 0.42), math.radians(30.0))
+CROOKED = replace(
+    NXT.certain,
+    rounding=0.0,
+    home_angle_deg=-12.0,
+    turntable_scale=1.05,
+    axis_x=0.03,
+    axis_y=-0.02,
+    clock_error=0.02,
+    range_offset=-0.02,
+)
+CROOKED_BOARDS = [CROOKED, replace(CROOKED, mount=Mount(ahead=0.03))]
+
+
+def measured_with(board: Board) -> list[Reading]:
+    """Return what the fake scanner measures with this board, at turntable angles from 0° to 340°."""
+    source, speed = RoomEchoes(ARENA, TURNED, board, disturbance=EXACT), ARENA.air.speed_of_sound
+    # a face ahead of the axis has other paths at each heading
+    angles = np.radians(np.arange(0.0, 343.0, 4.0 if board.mount.ahead == 0 else 12.0)).tolist()
+    times = [source.receive(Ping(angle, 0, 0, 0.02, trace=False)).echo_times for angle in angles]
+    return [Reading(k, 0, 0, angles[k], 0.1 * k, times[k][:1], speed) for k in range(len(angles))]
+
+
+@pytest.mark.parametrize("board", CROOKED_BOARDS)
+def test_the_prediction_and_the_likelihood_of_a_board_explain_what_this_board_measures(board: Board) -> None:
+    readings = measured_with(board)
+    rows = compare_readings(readings, ARENA, board.faced(TURNED), board).rows
+    residuals = [row.residual for row in rows if row.measured is not None or row.predicted is not None]
+    assert len(residuals) > 20
+    assert residuals == pytest.approx([0.0] * len(residuals), abs=1e-9)
+    scan, free = PlacedScan(readings, TURNED), free_parameters(("heading",), ("scan",), ARENA, board)
+
+    def likelihood(other: Board) -> float:
+        problem = make_problem([scan], ARENA, other, free, PredictionOptions(), all_echoes=False)
+        return problem.near(problem.start())(problem.start())
+
+    best = likelihood(board)
+    for key, change in (("turntable_scale", 0.02), ("axis_x", 0.015), ("axis_y", 0.015), ("clock_error", 0.02)):
+        for by in (change, -change):
+            assert likelihood(replace(board, **{key: getattr(board, key) + by})) < best - 3, key
+
+
+def test_a_map_is_drawn_with_the_actual_headings_and_ranges() -> None:
+    readings = measured_with(CROOKED)
+    headings, ranges = headings_and_ranges(PlacedScan(readings, TURNED), CROOKED)
+    assert headings[1] - headings[0] == pytest.approx(1.05 * math.radians(4.0))
+    assert math.degrees(headings[0]) == pytest.approx(18.0)
+    expected = [math.nan if one.range is None else (one.range + 0.02) / 1.02 for one in readings]
+    assert ranges == pytest.approx(expected, nan_ok=True)
+
+
+# Probabilities.
+
+
+PHI = NormalDist().cdf
+WALL, ORIGIN = polygon_room([(1.5, -1.0), (1.5, 1.0)], closed=False), Place("here", (0.0, 0.0))
+LEVEL = 20 * math.log10(0.9)  # dB, of the wall straight ahead
+
+
+def compared(board: Board, *ranges: float) -> Comparison:
+    return compare_readings(readings_of(np.zeros(len(ranges)), ranges, WALL.air.speed_of_sound), WALL, ORIGIN, board)
+
+
+def test_log_score_of_one_wall_and_a_normal_threshold() -> None:
+    board, heard = replace(PAPER, threshold_db=LEVEL + 1.0, threshold_sd_db=2.0, range_sd=0.004), PHI(-0.5)
+    spread, stray = math.hypot(0.004, 0.005), 0.01 * 0.01 / (2 * PAPER.max_range)
+    at = 0.99 * heard * (PHI(0.008 / spread) - PHI(-0.002 / spread)) + stray
+    silent = 0.99 * (1 - heard) + 0.005
+    for measured, probability in ((1.503, at), (math.nan, silent), (0.7, stray)):
+        assert score_comparison(compared(board, measured)).log_score == pytest.approx(math.log(probability), abs=2e-3)
+    score = score_comparison(compared(board, math.nan, 1.503, math.nan))
+    assert score.log_score == pytest.approx((2 * math.log(silent) + math.log(at)) / 3, abs=2e-3)
+    assert score_comparison(compare_readings([], WALL, ORIGIN, board)).log_score is None
+
+
+@pytest.mark.parametrize(
+    ("over_db", "ranges", "observed"),
+    [(1.0, (math.nan, 1.5, math.nan, math.nan), 0.75), (-1.0, (1.54, 1.56, math.nan, 1.5), 0.5)],
+)
+def test_the_most_probable_reading_is_silence_or_a_range_within_5_cm(
+    over_db: float, ranges: tuple[float, ...], observed: float
+) -> None:
+    (only,) = score_comparison(
+        compared(replace(PAPER, threshold_db=LEVEL + over_db, threshold_sd_db=2.0), *ranges)
+    ).calibration
+    assert (only.n, only.observed, only.stated) == (4, observed, pytest.approx(PHI(0.5), abs=1e-3))
+    bins = calibration([(0.31, True), (0.39, False), (1.0, True), (0.95, True), (0.9, False)])
+    assert [(one.n, one.observed) for one in bins] == [(2, 0.5), (3, pytest.approx(2 / 3))]
+    assert bins[0].stated == pytest.approx(0.35)
+
+
+def test_readings_with_the_stated_spread_are_calibrated_and_score_best() -> None:
+    """Drawn from the fake with a spread of 3 dB; too small and too large a spread score worse."""
+    headings = np.radians(np.tile(np.linspace(-9, 9, 13), 40))
+    true = replace(PAPER, threshold_db=-9.0, threshold_sd_db=3.0, range_sd=0.004)
+    fake, speed = RoomEchoes(WALL, ORIGIN, true, 5, EXACT), WALL.air.speed_of_sound
+    pings = [fake.receive(Ping(float(one), k // 13, 0, 0.03, trace=False)) for k, one in enumerate(headings)]
+    readings = readings_of(
+        headings, [ping.echo_times[0] * speed / 2 if ping.echo_times else np.nan for ping in pings], speed
+    )
+    scores = {}
+    for spread in (0.5, 3.0, 12.0):
+        comparison = compare_readings(readings, WALL, ORIGIN, replace(true, threshold_sd_db=spread))
+        score = score_comparison(comparison, room_tolerance=0.0)
+        scores[spread] = score.log_score or 0.0
+        if spread == 3.0:
+            for one in score.calibration:
+                assert one.observed == pytest.approx(one.stated, abs=3.5 * 0.5 / math.sqrt(one.n))
+    assert scores[3.0] > max(scores[0.5], scores[12.0]) + 0.02
+
+
+def test_simpler_models_are_scored_without_a_spread_of_the_threshold() -> None:
+    scan = predict_with(Model.NEAREST, WALL, ORIGIN, replace(PAPER, threshold_sd_db=3.0), np.zeros(1))
+    comparison = match_readings(readings_of([0.0], [1.5], WALL.air.speed_of_sound), scan)
+    (only,) = score_comparison(comparison, PredictionOptions(), model=Model.NEAREST).calibration
+    assert (only.stated, only.observed) == (pytest.approx(1.0), 1.0)

@@ -1,0 +1,350 @@
+"""Pictures: what they show is at its place, nothing is cut off, and no text covers another."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from statistics import NormalDist
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+from scipy.signal import hilbert
+from sonarhw_compare import report
+from sonarhw_compare.calibration.room import RoomCalibration
+from sonarhw_compare.drawings import draw_calibration, draw_checked_room, draw_found_room, draw_plan, draw_room
+from sonarhw_compare.edits import add_post, add_wall, move_wall
+from sonarhw_compare.fit import PlacedScan
+from sonarhw_compare.match import Comparison, Kind, compare_readings
+from sonarhw_compare.pictures import PREDICTED, envelope_of, shading_around
+from sonarhw_compare.report import CLASSES, bscan_png, plan_svg, ranges_svg
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.predict.predicted_scan import PredictedScan
+from sonarhw_sim.predict.prediction import predict_scan
+from sonarhw_sim.room.room import Place, load_room, parse_room
+
+from sonarhw.readings import FloatArray, Origin, Reading, Trace
+from tests.fixtures.predicted_readings import SPEED, predicted_readings, readings_of
+from tests.fixtures.rooms_for_tests import polygon_room
+
+SIMPLE = load_room("rooms/simple.toml")
+
+
+FIGURE_9 = SIMPLE.places["figure9"]
+
+
+PAPER = load_board("paper")
+
+
+# added to the predicted ranges, m; one reading is far outside the room, one is missing
+ADDED = (0.0, -0.1, 0.1, -0.3, 0.4, 30.0, math.nan)
+
+
+@pytest.fixture(scope="module")
+def comparison() -> Comparison:
+    """Return a comparison with readings of every class, the first ones where an echo is predicted."""
+    angles = np.radians(np.arange(0.0, 360.0, 10.0)) - 1.0  # some headings are negative
+    ranges = predict_scan(SIMPLE, FIGURE_9, PAPER, angles).ranges
+    assert np.isfinite(ranges).all()
+    ranges[: len(ADDED)] += ADDED
+    return compare_readings(readings_of(angles, ranges), SIMPLE, FIGURE_9, PAPER)
+
+
+@pytest.fixture
+def drawn(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[[Comparison], bytes], Comparison], Figure]:
+    """Return a function that returns the figure of a picture."""
+    figures: list[Figure] = []
+    monkeypatch.setattr(report, "picture_bytes", lambda figure, _: figures.append(figure) or b"")
+
+    def draw(picture: Callable[[Comparison], bytes], comparison: Comparison) -> Figure:
+        picture(comparison)
+        return figures.pop()
+
+    return draw
+
+
+def of_class(axes: Axes, kind: Kind) -> list[tuple[float, float]]:
+    """Return the points that are drawn for a class."""
+    lines = [line for line in axes.lines if str(line.get_label()).startswith(f"{kind.value} (")]
+    points = [pair for line in lines for pair in np.asarray(line.get_xydata()).tolist()]
+    assert not lines or lines[0].get_label() == f"{kind.value} ({len(points)})"
+    return [(float(x), float(y)) for x, y in points]
+
+
+def test_ranges_and_residuals_are_drawn_at_their_headings(
+    drawn: Callable[[Callable[[Comparison], bytes], Comparison], Figure], comparison: Comparison
+) -> None:
+    ranges, residuals = drawn(ranges_svg, comparison).axes
+    kinds = {row.kind for row in comparison.rows}
+    assert kinds == set(CLASSES) - {Kind.EXTRA, Kind.OWN_BODY}
+    (band,) = residuals.patches  # within 5 cm, mm
+    assert band.get_extents().transformed(residuals.transData.inverted()).intervaly == pytest.approx((-50.0, 50.0))
+    for kind in CLASSES:
+        rows = [row for row in comparison.rows if row.kind is kind]
+        degrees = [math.degrees(row.heading) % 360 for row in rows]
+        at = [row.predicted if row.measured is None else row.measured for row in rows]
+        np.testing.assert_allclose(of_class(ranges, kind), list(zip(degrees, at, strict=True)))
+        both = [row for row in rows if row.measured is not None and row.predicted is not None]
+        # in mm, at most 250
+        expected = [
+            (math.degrees(row.heading) % 360, min(max(1000 * (row.measured - row.predicted), -250.0), 250.0))
+            for row in both
+        ]
+        np.testing.assert_allclose(of_class(residuals, kind), expected, atol=1e-9)
+
+
+def test_the_plan_has_the_points_in_the_room_and_counts_those_outside(
+    drawn: Callable[[Callable[[Comparison], bytes], Comparison], Figure], comparison: Comparison
+) -> None:
+    (axes,) = drawn(plan_svg, comparison).axes
+    x, y = FIGURE_9.position
+    for kind in CLASSES:
+        expected = []
+        for row in (row for row in comparison.rows if row.kind is kind):
+            at = row.predicted if row.measured is None else row.measured
+            assert at is not None
+            expected.append((x + at * math.cos(row.heading), y + at * math.sin(row.heading)))
+        np.testing.assert_allclose(of_class(axes, kind), expected)
+    # the plan ends 30 % of the longer side of the room outside it
+    corners = SIMPLE.walls.reshape(-1, 2)
+    beyond = 0.3 * np.ptp(corners, axis=0).max()
+    low, high = corners.min(axis=0) - beyond, corners.max(axis=0) + beyond
+    np.testing.assert_allclose([axes.get_xlim(), axes.get_ylim()], np.transpose([low, high]))
+    drawn_points = np.vstack([of_class(axes, kind) for kind in CLASSES if of_class(axes, kind)])
+    outside = ((drawn_points < low) | (drawn_points > high)).any(axis=1).sum()
+    assert 0 < outside < len(drawn_points) == len(comparison.rows)
+    assert axes.get_title(loc="right") == f"{outside} of {len(comparison.rows)} are outside this plan"
+
+
+def test_measured_traces_are_drawn_above_predicted_ones_on_the_same_scale(
+    drawn: Callable[[Callable[[Comparison], bytes | None], Comparison], Figure],
+) -> None:
+    """Traces every 90°, each with one echo; the rest of the circle has none."""
+    angles, rate = np.radians([0.0, 90.0, 180.0, 270.0]), 50_000.0
+    readings = []
+    for number, angle in enumerate(angles):
+        samples = np.zeros(600)
+        samples[200 + 100 * number] = 0.5
+        trace = Trace(samples, rate, 0.0)
+        readings.append(Reading(number, 0, 0, float(angle), 0.0, (0.004,), SPEED, trace=trace))
+    comparison = compare_readings(readings, SIMPLE, FIGURE_9, PAPER)
+    measured, predicted, bar = drawn(bscan_png, comparison).axes
+    reach = 600 / rate * SPEED / 2
+    for axes in (measured, predicted):
+        (image,) = axes.images
+        assert image.get_extent() == pytest.approx((0.0, 360.0, 0.0, reach), rel=0.01)
+        assert image.get_clim()[1] == 0.0
+    assert bar.get_ylabel() == "dB of full scale"
+    levels = np.ma.filled(measured.images[0].get_array(), np.nan)
+    for number, degrees in enumerate((0.5, 90.0, 180.0, 270.0)):
+        column = levels[:, int(degrees / 360 * levels.shape[1])]
+        loudest = (np.nanargmax(column) + 0.5) / len(column) * reach
+        assert loudest == pytest.approx((200 + 100 * number) / rate * SPEED / 2, abs=0.02)
+        assert np.nanmax(column) == pytest.approx(20 * math.log10(0.5), abs=0.01)
+
+
+# plans of nearly equal width and height, whose labels and legends were cut off; a wide one; and a tall one
+@pytest.mark.parametrize(
+    ("room_name", "place", "board"),
+    [
+        ("right_corner", "figure12", "polaroid-6500"),
+        ("arena", "p1", "paper"),
+        ("arena", "p4", "lego-nxt"),
+        ("laboratory", "bench", "polaroid-6500"),
+    ],
+)
+def test_labels_and_legend_are_inside_the_picture(room_name: str, place: str, board: str) -> None:
+    room = load_room(f"rooms/{room_name}.toml")
+    scan = predict_scan(room, room.places[place], load_board(board), np.radians(np.arange(0.0, 360.0, 3.0)))
+    figure = draw_plan(scan, [(0.0, 1.0)])
+    figure.canvas.draw()
+    picture = np.asarray(figure.canvas.buffer_rgba())[:, :, :3]  # type: ignore[attr-defined]
+    for name, edge in {
+        "left": picture[:, 0],
+        "right": picture[:, -1],
+        "top": picture[0],
+        "bottom": picture[-1],
+    }.items():
+        assert (edge == 255).all(), name
+
+
+def test_only_what_was_found_is_dashed() -> None:
+    room = load_room("simple")
+    changed = move_wall(add_wall(room, (0.2, 0.2), (0.4, 0.2), "shelving"), room.names.index("right"), (0.02, 0.0))
+    changed = add_post(changed, (0.3, 0.5), 0.01, "shelving")
+    scan = predict_scan(room, room.places["figure9"], load_board("paper"), np.array([0.0]))
+    figure = draw_plan(scan, changed=changed)
+    (axes,) = figure.axes
+    dashed = [line for line in axes.lines if line.get_linestyle() == "--"]
+    walls = [np.asarray(line.get_xydata()).ravel().tolist() for line in dashed if len(np.asarray(line.get_xdata()))]
+    # the neighbours of the moved wall have only become longer
+    np.testing.assert_allclose(walls, [[0.948, 0.0, 0.948, 0.742], [0.2, 0.2, 0.4, 0.2]])
+    (post,) = (patch for patch in axes.patches if isinstance(patch, Circle))
+    assert (post.center, post.radius, post.get_linestyle()) == ((0.3, 0.5), 0.01, "--")
+    assert "found wall or post" in [text.get_text() for text in figure.legends[0].get_texts()]
+    plain = draw_plan(scan, changed=room)
+    assert "found wall or post" not in [text.get_text() for text in plain.legends[0].get_texts()]
+
+
+@pytest.mark.parametrize(
+    ("place", "lines"),
+    [
+        (None, {"limited height": ":"}),
+        ("plan", {}),  # where heights have no effect
+        ("robot", {"lower than the transducer": ":"}),  # at 0.25 m: the step is below, bin and rug are not
+        ("high", {"higher than the transducer": "-."}),  # below the rug
+    ],
+)
+def test_walls_of_limited_height_have_another_line(place: str | None, lines: dict[str, str]) -> None:
+    more = "\n[places.high]\nposition = [1.3, 0.9]\nheight = 0.05\n"
+    room = parse_room(load_room("doorstep").text + more, "doorstep")
+    axes = Figure().add_subplot()
+    draw_room(axes, room, None if place is None else room.places[place])
+    drawn = {line.get_label(): line.get_linestyle() for line in axes.lines}
+    assert {label: line for label, line in drawn.items() if not str(label).startswith("_")} == lines
+    styles = dict(zip(room.names, [line.get_linestyle() for line in axes.lines], strict=False))
+    limited = {None: ["step", "rug"], "plan": [], "robot": ["step"], "high": ["rug"]}[place]
+    assert [name for name in room.names[: len(room.walls)] if styles[name] != "-"] == limited
+    (post,) = (patch for patch in axes.patches if isinstance(patch, Circle))
+    assert post.get_fill() == (place is not None)  # 0.4 m high
+
+
+WALL = polygon_room([(1.5, -1.0), (1.5, 1.0)], closed=False)
+LEVEL = 20 * math.log10(0.9)  # dB, of the wall straight ahead
+
+
+SPREAD = math.hypot(0.012, 0.005)  # m, of the board and of the room
+
+
+def prediction(over_db: float) -> PredictedScan:
+    """Return the prediction of a board that receives the wall straight ahead `over_db` over its threshold."""
+    board = replace(load_board("paper"), threshold_db=LEVEL - over_db, threshold_sd_db=2.0, range_sd=0.012)
+    board = replace(board, aperture_radius=0.004)  # a wide beam
+    return predict_scan(WALL, Place("here", (0.0, 0.0)), board, np.radians(np.arange(0.0, 360.0, 90.0)))
+
+
+@pytest.mark.parametrize("over_db", [-2.0, 0.0, 2.0])
+def test_opacity_is_the_probability_of_the_echo_with_the_spread_of_its_range(over_db: float) -> None:
+    shading = shading_around(prediction(over_db))
+    heard = NormalDist().cdf(over_db / 2.0)
+    middles = (np.arange(shading.opacities.shape[1]) + 0.5) * shading.reach / shading.opacities.shape[1]
+    at = np.interp([1.5, 1.5 + SPREAD, 1.5 - 2 * SPREAD, 1.0], middles, shading.opacities[0])
+    assert at == pytest.approx(heard * np.exp([0.0, -0.5, -2.0, -1000.0]), abs=0.02)
+    assert not shading.opacities[180].any()  # no wall behind the sensor
+
+
+def pixel(figure: Figure, x: float, y: float) -> tuple[float, ...]:
+    """Return the colour at a point of the plan, m; 0 to 1."""
+    figure.canvas.draw()
+    picture = np.asarray(figure.canvas.buffer_rgba())  # type: ignore[attr-defined]
+    column, row = figure.axes[0].transData.transform((x, y))
+    return tuple(picture[picture.shape[0] - 1 - round(row), round(column), :3] / 255)
+
+
+def test_the_plan_is_shaded_where_an_echo_is_probable() -> None:
+    scan = prediction(5.0)
+    plain, shaded = draw_plan(scan), draw_plan(scan, shading=shading_around(scan))
+    assert [one.get_text() for one in shaded.legends[0].get_texts()][-1] == "probability of a range"
+    assert len(plain.legends[0].get_texts()) == len(shaded.legends[0].get_texts()) - 1
+    # at 20°, the arc of the wall is away from the wall, from marks and from lines of the grid
+    heading = math.radians(20)
+    at = 1.5 * math.cos(heading), 1.5 * math.sin(heading)
+    row = shading_around(scan).opacities[20]
+    expected = row.max() * np.array(to_rgb(PREDICTED)) + (1 - row.max()) * np.ones(3)
+    assert 0.3 < row.max() < 0.7
+    assert pixel(shaded, *at) == pytest.approx(expected, abs=0.05)
+    assert pixel(plain, *at) == (1.0, 1.0, 1.0)
+    assert plain.axes[0].get_xlim() == shaded.axes[0].get_xlim()
+
+
+KNOWN = polygon_room([(0.0, 0.0), (3.0, 0.0), (3.0, 2.0), (0.0, 2.0)])
+
+
+IN_KNOWN = Place("", (1.0, 0.7))
+
+
+@pytest.fixture(scope="module")
+def false_scan() -> PlacedScan:
+    """A predicted false_scan whose first reading is false: its echo has no path."""
+    readings = predicted_readings(KNOWN, IN_KNOWN, PAPER)
+    return PlacedScan([replace(readings[0], echo_times=(2.6 / KNOWN.air.speed_of_sound,)), *readings[1:]], IN_KNOWN)
+
+
+def line_of(figure: Figure, plan: int, label: str) -> FloatArray:
+    """Return the points of the line with this label, (n, 2) m."""
+    axes: Axes = figure.axes[plan]
+    (line,) = (one for one in axes.lines if one.get_label() == label)
+    return np.asarray(line.get_xydata())
+
+
+def test_echoes_are_drawn_by_the_kind_of_their_path(false_scan: PlacedScan) -> None:
+    figure = draw_found_room([false_scan], KNOWN, PAPER)
+    assert len(figure.axes) == 2
+    np.testing.assert_allclose(line_of(figure, 0, "echo: no path in the found room"), [[2.3, 0.7]])
+    once = line_of(figure, 0, "echo: one reflection")
+    # the wall that the place faces at 0.7 m: a range of 0.7 m at 270 degrees
+    assert np.abs(once - (1.0, 0.0)).max(axis=1).min() < 1e-3
+    echoes = sum(reading.range is not None for reading in false_scan.readings)
+    several = line_of(figure, 0, "echo: several reflections")
+    assert len(once) + len(several) + 1 == echoes
+
+
+def test_open_ends_and_touches_of_a_known_room_are_drawn(false_scan: PlacedScan) -> None:
+    found = polygon_room([(0.0, 0.0), (3.0, 0.0), (3.0, 2.0)])
+    figure = draw_found_room([false_scan], found, PAPER, [(0.0, 2.0)], KNOWN)
+    assert len(figure.axes) == 3
+    assert line_of(figure, 1, "open end").tolist() == [[0.0, 2.0]]
+    touched = line_of(figure, 2, "touched by sound on its way to an echo")
+    on_wall = [np.abs(touched[:, axis] - at) < 1e-6 for axis, at in ((0, 0.0), (0, 3.0), (1, 0.0), (1, 2.0))]
+    assert np.any(on_wall, axis=0).all()
+    assert np.abs(touched - (1.0, 0.0)).max(axis=1).min() < 1e-6
+
+
+def test_readings_of_a_fake_scanner_are_not_called_measured_and_silence_has_no_range() -> None:
+    room, board = load_room("simple"), load_board("paper")
+    place = room.place("figure9")
+    ranges = np.where(np.arange(36) > 30, math.nan, 0.7)
+    readings = [replace(one, origin=Origin.FAKE) for one in readings_of(np.radians(np.arange(0, 360, 10)), ranges)]
+    shown = (compare_readings(readings, room, place, board),)
+    scans = [PlacedScan(readings, place, "a")]
+    found = RoomCalibration(board, board, scans=scans, given=room, room=room, before=shown, after=shown)
+    figure = draw_calibration(found)
+    figure.draw_without_rendering()
+    assert [text.get_text() for text in figure.legends[0].texts] == ["predicted", "fake (grey band: no echo)"]
+    axes = figure.axes[0]
+    written = {label.get_position()[1]: label.get_text() for label in axes.get_yticklabels()}
+    assert min(written) < 0
+    assert all((text == "") == (value < 0) for value, text in written.items())
+
+
+SQUARE = """
+name = "square"
+[materials.wood]
+reflectance = 0.9
+[[walls]]
+name = "room"
+points = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]]
+closed = true
+material = "wood"
+[places.desk]
+position = [1.0, 2.0]
+heading_deg = {heading}
+"""
+
+
+@pytest.mark.parametrize("heading", [0, 45, 225])
+def test_the_arrow_of_a_place_points_along_its_heading(heading: int) -> None:
+    (axes,) = draw_checked_room(parse_room(SQUARE.format(heading=heading), "square")).axes
+    (arrow,) = [text for text in axes.texts if text.arrow_patch is not None]
+    (x, y), (tip_x, tip_y) = arrow.xyann, arrow.xy
+    assert (x, y) == (1.0, 2.0)
+    assert math.degrees(math.atan2(tip_y - y, tip_x - x)) % 360 == pytest.approx(heading)
+
+
+@pytest.mark.parametrize("count", [200, 201])
+def test_the_envelope_of_a_carrier_is_the_magnitude_of_its_analytic_signal(count: int) -> None:
+    samples = 0.3 * np.random.default_rng(1).standard_normal(count).clip(-2, 2)
+    trace = Trace(samples, 200_000.0, 0.0, carrier=True)
+    assert envelope_of(trace) == pytest.approx(np.abs(hilbert(samples)).clip(max=1.0))

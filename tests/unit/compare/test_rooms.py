@@ -1,0 +1,469 @@
+"""Rooms found from scans, and causes of misfits: known changes, derivatives, stated uncertainties and right angles."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import tomlkit
+from sonarhw_compare.fit import PlacedScan
+from sonarhw_compare.locate import UNKNOWN, Pose, PoseSpread
+from sonarhw_compare.rooms import search
+from sonarhw_compare.rooms.candidates import Touches
+from sonarhw_compare.rooms.causes import MovedWall, NewPost, NewWall, OtherReflectance, find_causes
+from sonarhw_compare.rooms.draft import DraftEnd, DraftPost, DraftWall, RoomDraft, draft_of_room, meeting
+from sonarhw_compare.rooms.evidence import FOLLOWED, ROUGH, Course, Evidence, evidence_of, scored
+from sonarhw_compare.rooms.outcome import found_room, found_room_figures, found_room_text, next_places
+from sonarhw_compare.rooms.refinement import Move, deviations_of, moves_of, range_errors, refined, shifts_of
+from sonarhw_compare.rooms.search import FoundRoom, find_room_and_poses, squared
+from sonarhw_sim.air import Air, Receiver
+from sonarhw_sim.board.profile import Board, load_board
+from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
+from sonarhw_sim.room.room import Place, Room, load_room, parse_room
+
+from sonarhw.errors import InputError
+from tests.fixtures.predicted_readings import predicted_readings, predicted_scan, readings_of
+from tests.fixtures.rooms_for_tests import polygon_room
+
+BOARD = load_board("polaroid-6500")
+QUICK = load_board("hc-sr04")  # hears only loud echoes, so the search of paths is quick
+
+
+# Causes of misfits.
+
+
+YARD = """name = "Yard with a plate"
+[materials.board]
+reflectance = 0.9
+[[walls]]
+name = "yard"
+points = [[-1.0, -1.0], [3.0, -1.0], [3.0, 3.0], [-1.0, 3.0]]
+closed = true
+material = "board"
+edges = ["south", "east", "north", "west"]
+[[walls]]
+name = "plate"
+points = [[1.0, 1.1], [1.6, 1.1]]
+material = "board"
+edges = ["plate"]
+[places.here]
+position = [0.0, 1.1]
+"""
+PLANK = """[[walls]]
+name = "plank"
+points = [[0.5, -1.0], [0.5, -0.98], [1.5, -0.98], [1.5, -1.0]]
+material = "board"
+edges = ["plank-left", "plank", "plank-right"]
+[places.here]"""
+GIVEN = parse_room(YARD, "the yard")
+HERE = GIVEN.places["here"]
+Change = NewPost | NewWall | MovedWall | OtherReflectance
+
+
+@pytest.mark.parametrize(
+    ("true", "text"),
+    [
+        (NewPost((0.3, 0.3), 0.03), "something near 0.3"),
+        (MovedWall("west", -0.02, 0.02), "wall west is 0.0"),
+        (OtherReflectance("plate", 0.9, 0.1), "edge plate/ is weaker than assumed"),
+        (None, ""),
+    ],
+    ids=["post", "moved wall", "weak edge", "nothing"],
+)
+def test_what_differs_in_the_room_is_found(true: Change | None, text: str) -> None:
+    room = GIVEN if true is None else true.applied(GIVEN)
+    found = find_causes(predicted_readings(room, HERE, BOARD, noise=0.01), GIVEN, HERE, BOARD)
+    if true is None:
+        assert (found.causes, found.room) == ((), GIVEN)
+        return
+    cause = found.causes[0]
+    assert text in cause.text()
+    match cause.change:
+        case NewPost(center=center):  # one place does not show how far behind its nearest point the middle is
+            assert isinstance(true, NewPost)
+            assert math.dist(center, true.center) < 0.06
+            to_post = math.degrees(math.atan2(0.3 - 1.1, 0.3)) % 360
+            assert any(math.degrees(a) - 1 <= to_post <= math.degrees(b) + 1 for a, b in cause.sectors)
+        case MovedWall(wall=wall, farther=farther):
+            assert (wall, farther) == ("west", pytest.approx(0.02, abs=0.006))
+            assert "m farther" in cause.text()
+        case OtherReflectance(reflectance=reflectance):
+            assert reflectance < 0.5
+        case other:
+            pytest.fail(repr(other))
+    before, after = (one.summary().within_5cm or 0.0 for one in (found.before, found.after))
+    assert after > max(before, 0.95)
+
+
+def test_nothing_is_proposed_beside_a_plank_or_for_echoes_by_many_reflections() -> None:
+    """A wall is not moved so far that a short neighbour loses its length."""
+    arena, plank = load_room("arena"), parse_room(YARD.replace("[places.here]", PLANK), "the yard with a plank")
+    p1 = arena.places["p1"]
+    assert find_causes(predicted_readings(plank, HERE, BOARD, 8.0, noise=0.01), plank, HERE, BOARD).causes == ()
+    scan = predicted_readings(arena, p1, BOARD, 10.0, noise=0.01, every=True)
+    assert find_causes(scan, arena, p1, BOARD).causes == ()
+
+
+def test_a_wall_that_faces_no_place_is_found_by_its_edge() -> None:
+    room, ends = load_room("kuc_siegel"), ((0.182, 0.306), (0.238, 0.134))
+    place = room.places["figure6"]
+    scan = predicted_readings(NewWall(*ends).applied(room), place, BOARD, 5.0, noise=0.01, every=True)
+    change = find_causes(scan, room, place, BOARD).causes[0].change
+    assert isinstance(change, NewWall)
+    assert all(math.dist(*pair) < 0.06 for pair in zip(sorted([change.start, change.end]), ends, strict=True))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        NewPost((0.5, 0.5), 0.1),
+        NewWall((0.5, 0.5), (0.7, 0.5)),
+        MovedWall("east", 0.05, -0.05),
+        OtherReflectance("north", 0.9, 0.4),
+    ],
+)
+def test_a_changed_room_is_the_room_of_its_text(change: Change) -> None:
+    changed = change.applied(GIVEN)
+    again = parse_room(changed.text, "again")
+    for name in ("walls", "posts", "reflectances"):
+        assert np.array_equal(getattr(again, name), getattr(changed, name))
+    assert changed.text != GIVEN.text
+    if isinstance(change, MovedWall):  # it stretches its neighbours
+        assert changed.walls[changed.names.index("south")].tolist() == [-1.0, -1.0, 2.95, -1.0]
+    if isinstance(change, NewPost):
+        with pytest.raises(InputError, match=r"a post at 0\.54, 0\.50.* overlaps another one"):
+            NewPost((0.54, 0.5), 0.02).applied(changed)
+
+
+# Drafts of rooms.
+
+
+FLAT = DraftWall((1.0, 0.0), 0.0, (DraftEnd(-1.0), DraftEnd(0.5, 1)))
+UPRIGHT = DraftWall((2.0, 1.0), math.pi / 2, (DraftEnd(-0.5, 0), DraftEnd(1.0)))
+CORNER = RoomDraft((), {0: FLAT, 1: UPRIGHT})
+
+
+@pytest.mark.parametrize(
+    ("draft", "segments"),
+    [
+        (CORNER, [[0, 0, 2, 0], [2, 0, 2, 2]]),
+        (CORNER.with_wall(1, UPRIGHT.moved(0.25, 0.0)), [[0, 0, 1.75, 0], [1.75, 0, 1.75, 2]]),
+        (CORNER.without_wall(1), [[0, 0, 2, 0]]),  # an end stays where it is when the wall that it met goes
+        (
+            # a gap divides a wall and its corner
+            CORNER.with_wall(0, FLAT.with_end(1, DraftEnd(-0.2)))
+            .with_new_wall(FLAT.with_end(0, DraftEnd(0.2)))[0]
+            .with_meeting_moved(0, 2, 0.2),
+            [[0, 0, 0.8, 0], [2, 0, 2, 2], [1.2, 0, 2, 0]],
+        ),
+    ],
+    ids=["corner", "moved", "alone", "gap"],
+)
+def test_walls_of_a_draft_meet_where_their_lines_cross(draft: RoomDraft, segments: list[list[float]]) -> None:
+    assert np.allclose(draft.segments, segments)
+    assert meeting(FLAT, FLAT.moved(1.0, math.radians(3))) is None  # parallel walls do not meet
+    twins = CORNER.with_wall(2, UPRIGHT.moved(0.02, 0.0))
+    assert twins.without_wall(1).walls[0].ends[1].meets == 2
+
+
+def test_an_edited_room_is_a_draft_with_its_corners() -> None:
+    room = replace(CORNER, posts=(DraftPost((1.0, 1.0), 0.1),)).room(Air())
+    assert (room.names[:2], "wall 1/wall 2" in room.edges.names) == (("wall 1", "wall 2"), True)
+    draft = draft_of_room(room)
+    assert np.allclose(draft.segments, room.walls)
+    assert draft.posts == (DraftPost((1.0, 1.0), 0.1),)
+    assert [[end.meets for end in wall.ends] for wall in draft.walls.values()] == [[None, 1], [0, None]]
+    # the crossing of two lines, computed from either, differs by rounding; two free ends would diffract there
+    corners = [(0.1, 0.2), (2.3, 0.5), (2.7, 1.9), (1.1, 2.6), (0.3, 1.7)]
+    drawn = draft_of_room(polygon_room(corners))
+    turned = replace(drawn, walls={key: wall.moved(0.0, 1e-4 * key) for key, wall in drawn.walls.items()})
+    for one in (drawn, turned):
+        assert len(one.room(Air()).edges) == len(polygon_room(corners).edges)
+
+
+STANDS, STEP = (2.1, 1.0), 1e-4  # m or rad
+MOVES = [*(Move("wall", key, part) for key in (0, 4) for part in (0, 1)), Move("wall", 5, 2), Move("wall", 5, 3)]
+MOVES += [Move("post", 0, part) for part in range(3)]
+
+
+def furnished() -> RoomDraft:
+    """Return a rectangle of 4 by 3 m with two walls that stand free, and a post."""
+    walls = {}
+    for key, middle in {0: (4.0, 1.5), 1: (2.0, 3.0), 2: (0.0, 1.5), 3: (2.0, 0.0)}.items():
+        half = 1.5 if key in (0, 2) else 2.0
+        ends = DraftEnd(-half, (key - 1) % 4), DraftEnd(half, (key + 1) % 4)
+        walls[key] = DraftWall(middle, (1 + key) * math.pi / 2, ends)
+    walls[4] = DraftWall((1.2, 2.2), math.radians(20), (DraftEnd(-0.4), DraftEnd(0.4)))
+    walls[5] = DraftWall((3.0, 0.8), math.radians(100), (DraftEnd(-0.5), DraftEnd(0.5)))
+    return RoomDraft((), walls, (DraftPost((2.6, 2.3), 0.05),))
+
+
+def lengths_by_way(paths: Paths, room: Room) -> dict[tuple[str, ...], list[float]]:
+    """Return the lengths of all paths by the names of what they touch."""
+    found: dict[tuple[str, ...], list[float]] = {}
+    for row, length in enumerate(paths.lengths.tolist()):
+        found.setdefault(paths.via(row, room), []).append(length)
+    return found
+
+
+@pytest.mark.parametrize("move", MOVES, ids=lambda move: f"{move.what}{move.which}-{move.part}")
+def test_a_path_gets_longer_by_what_a_new_search_says(move: Move) -> None:
+    searched = PathSearch(max_length=8.0, wavelength=0.007, max_bounces=2, rays=1440)
+    room, changed = (move.of(furnished(), by).room(Air()) for by in (0.0, STEP))
+    paths = find_paths(room, STANDS, searched)
+    before, after = lengths_by_way(paths, room), lengths_by_way(find_paths(changed, STANDS, searched), changed)
+    slopes, grown = shifts_of(furnished(), [move]), []
+    for row in range(len(paths)):
+        way = paths.via(row, room)
+        if len(before[way]) == len(after.get(way, [])) == 1:  # else the way exists in one room only, or twice
+            grown.append(float(slopes.of_length(paths.outline(row))[0]) * STEP)
+            assert after[way][0] - before[way][0] == pytest.approx(grown[-1], abs=2e-6)
+    assert len(grown) > 20
+    assert np.abs(grown).max() > 0.3 * STEP  # some path touches what is moved
+
+
+# Refinement by ranges, and what is stated about it.
+
+
+ROOM = polygon_room(
+    [(0.0, 0.0), (3.0, 0.1), (3.0, 1.4), (1.8, 1.4), (1.8, 2.4), (0.0, 2.4)],
+    extra='[[posts]]\nname = "post"\ncenter = [0.9, 1.5]\nradius = 0.06\nmaterial = "hard"',
+)
+PLACES = tuple(Place(name, at) for name, at in (("a", (0.6, 0.7)), ("b", (1.3, 1.9)), ("c", (2.4, 0.6))))
+
+
+def case(
+    noise: float = 0.0, seed: int = 0, spread: PoseSpread = PoseSpread(), board: Board = QUICK, true: Board = QUICK
+) -> tuple[Evidence, RoomDraft]:
+    """Return scans of the true room as evidence, and the room as a draft."""
+    scans = [
+        predicted_scan(ROOM, place, true, 4.0, noise=noise, seed=3 * seed + k, options=FOLLOWED)
+        for k, place in enumerate(PLACES)
+    ]
+    return evidence_of(scans, [spread] * 3, board, ROOM.air), replace(draft_of_room(ROOM), places=PLACES)
+
+
+def off(draft: RoomDraft, true: RoomDraft, key: int) -> tuple[float, float]:
+    """Return how far the middle of a wall is from the true line, m, and how far it is turned, rad."""
+    wall, segment = true.walls[key], draft.segment(key)
+    middle = (segment[:2] + segment[2:]) / 2
+    return float((middle - wall.middle) @ wall.normal), draft.walls[key].angle - wall.angle
+
+
+def test_derivatives_agree_with_a_new_search_of_paths() -> None:
+    # without late detection, by which a range depends on levels too
+    ideal = replace(QUICK, receiver=Receiver.FIRST_ECHO)
+    evidence, draft = case(spread=PoseSpread(0.1, 0.1), board=ideal, true=ideal)
+    moves = moves_of(evidence, draft)
+    found, by, checked = range_errors(evidence, draft, moves), 1e-4, 0
+    for row, move in enumerate(moves):
+        other = range_errors(evidence, move.of(draft, by), moves)
+        if other.of_range == found.of_range:  # else an echo has appeared or disappeared
+            change = (found.errors[: found.of_range] - other.errors[: found.of_range]) / by
+            expected = found.slopes[: found.of_range, row]
+            # a few headings have another path now
+            assert (np.abs(change - expected) < 0.01 * np.abs(found.slopes).max()).mean() > 0.98, move
+            checked += int((np.abs(expected) > 0.1 * np.abs(found.slopes).max()).sum())
+    assert checked > 300
+
+
+def test_a_room_that_is_off_returns_to_the_true_one_within_its_stated_deviations() -> None:
+    held, random = [], np.random.default_rng(2)
+    for seed in range(2):
+        evidence, true = case(noise=0.01, seed=seed)
+        start = true
+        for move in moves_of(evidence, true):
+            if move.what == "wall" and move.part < 2:
+                start = move.of(start, random.choice([-1, 1]) * (0.02 if move.part == 0 else math.radians(1.5)))
+        found = refined(evidence, start, ROUGH, 8)
+        assert found.score > evidence.log_likelihood(start, ROUGH) + 50
+        assert all(abs(off(found.draft, true, key)[0]) < 0.008 for key in true.walls)
+        for move, deviation in deviations_of(evidence, found.draft).items():
+            if move.what == "wall" and move.part < 2:
+                held.append(abs(off(found.draft, true, move.which)[move.part]) <= 1.96 * deviation)
+                assert deviation < 0.02
+    assert np.mean(held) > 0.85  # of 24, of which 95 % are 23
+
+
+def test_what_the_ranges_do_not_determine_is_stated_as_unknown() -> None:
+    evidence, true = case()
+    hidden = replace(true, posts=(*true.posts, DraftPost((5.0, 5.0), 0.05)))  # outside the room
+    deviations = {(move.what, move.which, move.part): one for move, one in deviations_of(evidence, hidden).items()}
+    assert deviations["post", 1, 0] > 0.2
+    assert deviations["wall", 0, 0] < 0.01
+    rough = deviations_of(*case(spread=PoseSpread(0.03, 0.03)))
+    # three places share their error
+    assert min(one for move, one in rough.items() if (move.what, move.part) == ("wall", 0)) > 0.9 * 0.03 / math.sqrt(3)
+
+
+def test_a_range_offset_is_found_if_the_board_describes_a_population() -> None:
+    for spread, offset in ((0.016, 0.015), (0.0, 0.0)):
+        board = replace(QUICK, range_sd=spread)
+        evidence, true = case(0.005, board=board, true=replace(QUICK, range_offset=0.015))
+        assert refined(evidence, true, ROUGH, 8).draft.offset == pytest.approx(offset, abs=0.004)
+
+
+# Right angles.
+
+
+@pytest.mark.parametrize(
+    ("east", "places", "angle"),
+    [((2.0, 2.0), [(0.5, 1.0)], 0.26), ((2.4, 1.8), [(0.5, 1.0), (1.0, 1.8), (1.4, 0.6)], None)],
+    ids=["one place faces it", "several places face it"],
+)
+def test_an_oblique_wall_is_turned_to_right_angles_unless_the_scans_contradict(
+    east: tuple[float, float], places: list[tuple[float, float]], angle: float | None
+) -> None:
+    room = polygon_room([(0.0, 0.0), (east[0], 0.0), (east[1], 3.0), (0.0, 3.0)])
+    scans = [predicted_scan(room, Place(str(k), at), BOARD, 4.0, options=FOLLOWED) for k, at in enumerate(places)]
+    evidence = evidence_of(scans, [PoseSpread()] * len(scans), BOARD, room.air)
+    draft = true = replace(draft_of_room(room), places=tuple(scan.place for scan in scans))
+    if angle is not None:  # turned about the place: its range is the same
+        middle = (0.5 + 1.5 * math.cos(angle), 1.0 + 1.5 * math.sin(angle))
+        turned = DraftWall(middle, math.pi / 2 + angle, (DraftEnd(-0.9), DraftEnd(0.9)))
+        draft = true.without_only(1).with_wall(1, turned)
+    found = squared(evidence, scored(evidence, draft)).draft
+    assert found.walls[1].angle == pytest.approx(true.walls[1].angle, abs=math.radians(1.0))
+
+
+# Scans whose poses are not known.
+
+
+def with_answers(
+    monkeypatch: pytest.MonkeyPatch,
+    shares: dict[int, list[float]],
+    poses: dict[int, tuple[Pose, ...]] | None = None,
+    worth: Callable[[float], float] = lambda _x: 0.0,
+    foreign: str = "",
+) -> list[list[str]]:
+    """Let the room explain these shares of each waiting scan, one after the other; return the scans of each room.
+
+    The room explains 0.8 of each scan that it is made of, or the last of its shares. A scan has one pose, at its
+    number, if `poses` has no others. `worth` is that of a room, by x of its last scan, plus 20 for each scan. A scan
+    alone is worth 16, but each of the foreign ones adds only 15 to a room.
+    """
+    rooms: list[list[str]] = []
+
+    def find_room(
+        given: list[PlacedScan], _board: object, _air: object, _spreads: object, tick: Callable[[float], None],
+        course: Course, _: object,
+    ) -> FoundRoom:  # fmt: skip
+        rooms.append([scan.title for scan in given])
+        explained = [shares.get(int(scan.title), [0.8])[-1] for scan in given]
+        touches = Touches({}, (), (100,) * len(given), tuple(round(100 * (1 - share)) for share in explained))
+        draft = RoomDraft(tuple(scan.place for scan in given))
+        tick(0.5)
+        course.accept(draft)
+        tick(1.0)
+        added = sum(15.0 if scan.title in foreign else 20.0 for scan in given)
+        return FoundRoom(draft, {}, touches, worth(given[-1].place.position[0]) + added)
+
+    def locate_scan(readings: list[object], *_: object, tick: Callable[[float], None], **__: object) -> object:
+        tick(1.0)
+        k = readings[0].number  # type: ignore[attr-defined]
+        share = shares[k].pop(0) if len(shares[k]) > 1 else shares[k][0]
+        probable = (poses or {}).get(k, (pose(float(k)),))
+        return SimpleNamespace(explained=share, poses=probable, peaks=[(float(k), 0.0, 0.1)])
+
+    monkeypatch.setattr(search, "find_room", find_room)
+    monkeypatch.setattr(search, "locate_scan", locate_scan)
+    monkeypatch.setattr(search, "worth_alone", lambda *_: 16.0)
+    return rooms
+
+
+def pose(x: float, probability: float = 1.0) -> Pose:
+    return Pose((x, 0.0), 0.1, 0.0, probability, (0.01, 0.01, 0.01))
+
+
+def scans(count: int) -> list[PlacedScan]:
+    """Return scans with their number as title, and as number of their only reading."""
+    one = readings_of([0.0], [math.nan])[0]
+    return [PlacedScan((replace(one, number=k),), Place("", (0.0, 0.0)), str(k), str(k)) for k in range(count)]
+
+
+def test_well_explained_scans_come_first_then_the_best_and_foreign_ones_never(monkeypatch: pytest.MonkeyPatch) -> None:
+    # the room explains 0.8 of its own scans: 0.72 is enough at once; what explains a scan alone as well never is
+    shares = {1: [0.75, 0.8], 2: [0.65, 0.65, 0.8], 3: [0.7], 4: [0.74, 0.8]}
+    rooms, progress = with_answers(monkeypatch, shares, foreign="3"), []
+    result = find_room_and_poses(scans(5), BOARD, Air(), [PoseSpread(), *[UNKNOWN] * 4], progress.append)
+    assert rooms[:4] == [["0"], ["0", "1", "4"], ["0", "1", "3", "4"], ["0", "1", "2", "4"]]
+    assert [scan.place.position[0] for scan in result.scans] == [0.0, 1.0, 2.0, 4.0]
+    assert (result.left_out, [*result.poses]) == (("3",), ["1", "2", "4"])
+    # the share never decreases, and moves in each room, also in those that are rejected
+    assert (np.diff(progress).min() >= 0.0, progress[-1], len(set(progress)) > 10) == (True, 1.0, True)
+
+
+@pytest.mark.parametrize("right", [5.0, 7.0])
+def test_of_similar_poses_that_whose_room_explains_all_scans_best_is_taken(
+    monkeypatch: pytest.MonkeyPatch, right: float
+) -> None:
+    poses = {1: (pose(5.0, 0.6), pose(7.0, 0.4))}
+    with_answers(monkeypatch, {1: [0.8]}, poses, lambda x: 100.0 if x == right else 0.0)
+    seen: list[float] = []
+    course = Course(accepted=lambda draft: seen.append(draft.places[-1].position[0]))
+    result = find_room_and_poses(scans(2), BOARD, Air(), [PoseSpread(), UNKNOWN], course=course)
+    assert [scan.place.position[0] for scan in result.scans] == [0.0, right]
+    assert [found.probability for found in result.poses["1"]] == [0.6, 0.4]
+    assert set(seen) == {0.0, right}  # rooms of tried poses are reported only if they are taken
+
+
+# What is reported of a found room.
+
+
+def test_the_file_of_a_found_room_names_each_place_and_how_certain_it_is() -> None:
+    """A room of a wall and a post, found from two logs with the same file name."""
+    places = Place("scan", (1.0, 0.5)), Place("scan", (2.0, 0.7), math.radians(10))
+    wall = DraftWall((1.5, 2.0), 0.0, (DraftEnd(-1.0), DraftEnd(1.0)))
+    parts = [("wall", 3, 0), ("wall", 3, 1), *(("post", 0, k) for k in range(3)), *(("place", 1, k) for k in range(3))]
+    poses = (Pose((2.0, 0.7), 0.17, 0.0, 0.64, (0.0,) * 3), Pose((1.0, 1.3), 3.0, 0.0, 0.36, (0.0,) * 3))
+    found = FoundRoom(
+        RoomDraft(places, {3: wall}, (DraftPost((0.5, 1.0), 0.1),)),
+        {Move(*part): 0.001 * number for number, part in enumerate(parts, 1)},
+        Touches({3: ()}, (7,), (20, 20), (1, 2)),
+        0.0,
+        scans=tuple(PlacedScan((), at, "scan", f"{folder}/scan.mcap") for at, folder in zip(places, "ab", strict=True)),
+        poses={"b/scan.mcap": poses},
+        left_out=("c/other.mcap",),
+    )
+    named = {name: place.position for name, place in found_room(found, BOARD).places.items()}
+    assert named == {"scan": (1.0, 0.5), "scan-2": (2.0, 0.7)}
+    text = found_room_text(found, BOARD)
+    assert "position = [2.0, 0.7] # ± 6.0 mm in x, ± 7.0 mm in y\nheading_deg = 10.0 # ± 0.46°" in text
+    assert "position = [1.0, 0.5]\nheading_deg = 0.0\n" in text  # exact
+    assert "# Possible poses of b/scan.mcap: 64.0% at 2.000, 0.700 m, turntable step 0 at 9.7°; 36.0% at 1.0" in text
+    assert "# Left out, because its pose was not found: c/other.mcap\n" in text
+    assert tomlkit.parse(text)["name"] == "Found room"
+    (post,) = found_room_figures(found)["posts"]
+    assert (post["center_m"], post["center_sd_m"], post["radius_sd_m"]) == ([0.5, 1.0], [0.003, 0.004], 0.005)
+
+
+NAMES = ("east", "north", "west", "south")
+
+
+def rectangle(**deviations: float) -> FoundRoom:
+    """Return a room of 4 by 2 m, whose walls have these standard deviations across (m), all others none."""
+    drawn = {}
+    for key, middle in enumerate([(4.0, 1.0), (2.0, 2.0), (0.0, 1.0), (2.0, 0.0)]):
+        half = 1.0 if key % 2 == 0 else 2.0
+        ends = DraftEnd(-half, (key - 1) % 4), DraftEnd(half, (key + 1) % 4)
+        drawn[key] = DraftWall(middle, math.pi / 2 + key * math.pi / 2, ends)
+    moves = {Move("wall", key, 0): deviations.get(name, 0.0) for key, name in enumerate(NAMES)}
+    return FoundRoom(RoomDraft((Place("a", (2.0, 1.0)),), drawn), moves, Touches({}, (), (), ()), 0.0)
+
+
+def test_the_next_scan_is_proposed_where_most_readings_are_of_an_uncertain_wall_and_towards_it() -> None:
+    def proposed(found: FoundRoom) -> list[tuple[tuple[float, float], float, object]]:
+        places = next_places(found, found.draft.room(Air()), BOARD)
+        return [(one.position, one.gain, one.sectors) for one in places]
+
+    (first, gain, sectors), *others = proposed(rectangle(east=0.03))
+    # one reading tells ½ ln(1 + 3²) = 1.15 nats; some twenty of them three halves more
+    assert 1.15 < gain < 0.5 * math.log1p(72 * 9 * 4)
+    assert (len(others), gain >= others[0][1]) == (2, True)
+    assert any(a <= angle <= b for a, b in sectors for angle in (0.0, math.tau))  # type: ignore[attr-defined]
+    assert 0.15 < first[0] < 3.85
+    small, large = (proposed(rectangle(north=sd))[0] for sd in (0.02, 0.08))
+    assert large[1] - small[1] == pytest.approx(math.log(4), abs=0.05)
+    assert [one[1:] for one in proposed(rectangle())] == [(0.0, ())] * 3  # nothing is gained in a room that is known

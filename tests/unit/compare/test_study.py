@@ -1,0 +1,182 @@
+"""Studies: axes and their draws, free space of simple rooms, and the figures of one scan."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import kstest, truncnorm, uniform
+from sonarhw_compare.free_space import find_free_space
+from sonarhw_compare.study import Drawn, Listed, ScanColumns, figures_of, random_of, read_axis
+from sonarhw_sim.room.room import Room
+
+from sonarhw.errors import InputError
+from tests.fixtures.rooms_for_tests import polygon_room
+
+
+@pytest.mark.parametrize(
+    ("written", "values"),
+    [(3, (3,)), ("a", ("a",)), ((1, 2.5), (1.0, 2.5)), (("a", "b"), ("a", "b")), ((True, False), (True, False))],
+)
+def test_values_and_lists_are_grid_axes(written: object, values: tuple[object, ...]) -> None:
+    axis = read_axis(written)
+    assert isinstance(axis, Listed)
+    assert axis.values == axis.extremes == values
+    assert [type(value) for value in axis.values] == [type(value) for value in values]
+
+
+def test_distributions_are_drawn_axes_with_their_limits() -> None:
+    assert read_axis({"uniform": (1, 4)}) == Drawn("uniform", 1.0, 4.0)
+    assert read_axis({"uniform": (1, 4)}).extremes == (1.0, 4.0)
+    # a normal distribution ends at three standard deviations
+    assert read_axis({"normal": (10, 2)}).extremes == (4.0, 16.0)
+
+
+@pytest.mark.parametrize(
+    ("written", "message"),
+    [
+        ((), "expected a value, a list"),
+        ((1, 1), "expected different values"),
+        ((1, "a"), "expected values of one kind"),
+        ((True, 2), "expected values of one kind"),
+        ({"uniform": (4, 1)}, "low below high"),
+        ({"uniform": (1, 1)}, "low below high"),
+        ({"normal": (1, 0)}, "a deviation over 0"),
+        ({"uniform": (1, 2, 3)}, "expected a value, a list"),
+        ({"uniform": (1, "a")}, "got 'a' in uniform"),
+        ({"uniform": (True, 2)}, "got True in uniform"),
+        ({"uniform": (1, 2), "normal": (1, 2)}, "expected a value, a list"),
+        ({"cauchy": (1, 2)}, r"got \{'cauchy': \[1, 2\]\}"),
+    ],
+)
+def test_other_values_are_refused_with_the_expected_form(written: object, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        read_axis(written)
+
+
+def test_drawn_values_have_the_stated_distribution() -> None:
+    random = np.random.default_rng(1)
+    flat = [Drawn("uniform", 1.0, 4.0).value(random) for _ in range(2000)]
+    assert kstest(flat, uniform(1, 3).cdf).pvalue > 0.01
+    bell = [Drawn("normal", 10.0, 2.0).value(random) for _ in range(2000)]
+    assert kstest(bell, truncnorm(-3, 3, 10, 2).cdf).pvalue > 0.01
+    assert max(abs(value - 10) for value in bell) <= 6
+
+
+def test_a_draw_depends_on_seed_draw_and_key_only() -> None:
+    first = random_of(1, 2, "x").random()
+    assert random_of(1, 2, "x").random() == first
+    assert len({first, *(random_of(*key).random() for key in ((2, 2, "x"), (1, 3, "x"), (1, 2, "y")))}) == 4
+    assert math.isfinite(first)
+
+
+SQUARE = [(1.0, 1.0), (3.0, 1.0), (3.0, 2.0), (1.0, 2.0)]
+
+
+PILLAR = '[[posts]]\nname = "p"\ncenter = [2.0, 1.5]\nradius = 0.2\nmaterial = "hard"\n'
+
+
+BEYOND = '[[walls]]\nname = "beyond"\npoints = [[3.0, 2.0], [3.5, 2.5]]\nmaterial = "hard"\n'
+
+
+# through the middles of cells
+PARTITION = '[[walls]]\nname = "part"\npoints = [[1.51, 1.0], [1.51, 2.0]]\nmaterial = "hard"\n'
+
+
+AT = "[places.p]\nposition = [{}, 1.5]\n"
+
+
+def room(extra: str = "") -> Room:
+    return polygon_room(SQUARE, extra=extra)
+
+
+def test_a_room_without_posts_is_free_as_a_whole() -> None:
+    space = find_free_space(room(), 0.1)
+    assert space.free.shape == (10, 20)
+    assert space.free.all()
+    assert len(space.middles) == 200
+    assert space.middles.min(axis=0) == pytest.approx([1.05, 1.05])
+    assert space.middles.max(axis=0) == pytest.approx([2.95, 1.95])
+    # 120 cells along the longer side
+    assert find_free_space(room()).spacing == pytest.approx(2 / 120)
+
+
+def test_free_space_moves_with_its_room() -> None:
+    moved = polygon_room([(x + 4.0, y - 2.0) for x, y in SQUARE], extra=PILLAR.replace("2.0, 1.5", "6.0, -0.5"))
+    there, here = find_free_space(moved, 0.1), find_free_space(room(PILLAR), 0.1)
+    assert np.array_equal(there.free, here.free)
+    assert there.middles - here.middles == pytest.approx(np.full(here.middles.shape, (4.0, -2.0)))
+
+
+def test_the_area_of_a_post_is_not_free() -> None:
+    space = find_free_space(room(PILLAR), 0.01)
+    assert len(space.middles) * 0.01**2 == pytest.approx(2 - np.pi * 0.2**2, abs=0.003)
+    assert (np.hypot(*(space.middles - (2.0, 1.5)).T) > 0.2).all()
+
+
+@pytest.mark.parametrize(("x", "area"), [(None, 1.49), (1.2, 0.51), (2.8, 1.49)])
+def test_only_the_part_with_a_place_is_free_or_else_the_largest(x: float | None, area: float) -> None:
+    space = find_free_space(room(PARTITION + ("" if x is None else AT.format(x))), 0.02)
+    assert len(space.middles) * 0.02**2 == pytest.approx(area, abs=0.02)
+
+
+def test_outside_the_walls_is_not_free() -> None:
+    space = find_free_space(room(BEYOND + AT.format(2.0)), 0.05)
+    assert (space.middles <= (3.0, 2.0)).all()
+    assert not space.holds(np.array([3.3, 1.5]))
+    assert space.holds(np.array([2.9, 1.5]))
+
+
+@pytest.mark.parametrize(
+    ("point", "clear"),
+    [((1.13, 1.5), 0.13), ((2.0, 1.77), 0.07), ((2.4, 1.2), 0.2), ((2.36, 1.98), 0.02), ((1.0 + 0.3, 1.0 + 0.4), 0.3)],
+)
+def test_a_position_is_valid_up_to_its_distance_from_walls_and_posts(point: tuple[float, float], clear: float) -> None:
+    space, at = find_free_space(room(PILLAR)), np.array(point)
+    assert space.holds(at, clear - 1e-6)
+    assert not space.holds(at, clear + 1e-6)
+
+
+def test_positions_are_drawn_uniformly_with_their_clearance(monkeypatch: pytest.MonkeyPatch) -> None:
+    space, random = find_free_space(room(PILLAR)), np.random.default_rng(1)
+    drawn = np.array([space.draw(random, 0.1) for _ in range(400)])
+    assert (drawn > (1.1, 1.1)).all()
+    assert (drawn < (2.9, 1.9)).all()
+    assert (np.hypot(*(drawn - (2.0, 1.5)).T) > 0.3).all()
+    # symmetric about the middle
+    assert drawn.mean(axis=0) == pytest.approx([2.0, 1.5], abs=0.08)
+    monkeypatch.setattr("sonarhw_compare.free_space._TRIES", 1000)  # fewer tries to draw a place
+    with pytest.raises(InputError, match=r"no place is 0\.6 m from every wall"):
+        space.draw(random, 0.6)
+
+
+NOTHING = math.nan
+
+
+def test_figures_are_shares_of_the_echoes() -> None:
+    # direct, two reflections, an edge, an edge after a reflection, and a heading without an echo
+    found = figures_of(
+        ScanColumns(
+            heading_deg=np.arange(5.0),
+            range_m=np.array([1.0, 2.0, 1.5, 2.5, NOTHING]),
+            path_m=np.array([2.0, 4.0, 3.0, 5.0, NOTHING]),
+            level_db=np.zeros(5),
+            bounces=np.array([1.0, 2.0, 0.0, 1.0, NOTHING]),
+            bent=np.array([0.0, 0.0, 1.0, 1.0, NOTHING]),
+            axis_m=np.array([1.04, 1.94, 1.5, NOTHING, 3.0]),
+        )
+    )
+    assert found == {
+        "n": 5,
+        "n_echo": 4,
+        "by_several": 0.5,
+        "by_edge": 0.5,
+        "within_5cm_of_axis": 0.5,  # 4 cm, 6 cm, 0, and no wall ahead
+        "median_abs_error_m": np.median(np.abs([1.0 - 1.04, 2.0 - 1.94, 0.0])),
+    }
+
+
+def test_a_scan_without_echoes_has_no_shares() -> None:
+    nothing = np.full(3, NOTHING)
+    found = figures_of(ScanColumns(np.arange(3.0), *(nothing,) * 6))
+    assert (found.pop("n"), found.pop("n_echo")) == (3, 0)
+    assert all(math.isnan(value) for value in found.values())

@@ -1,0 +1,334 @@
+"""Compiled code: its key covers all that it depends on, damaged files are not used, and parts run on several cores."""
+
+import errno
+import importlib
+import multiprocessing
+import os
+import pkgutil
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import fields, replace
+from pathlib import Path
+from threading import get_ident
+from typing import Any
+
+import numpy as np
+import pytest
+import sonarhw_compare
+import sonarhw_sim
+from numba import float64, int64
+from sonarhw_sim import compiled as compiled_module
+from sonarhw_sim import compiler
+from sonarhw_sim import compiler as kernel_key
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.compiled import compiled, compiled_part, in_parts
+from sonarhw_sim.compiler import digest_of, kernel_folders, key_of, slot_of, store, stored
+from sonarhw_sim.predict.predicted_scan import PredictedScan
+from sonarhw_sim.predict.prediction import predict_scan
+from sonarhw_sim.room.room import load_room
+
+from sonarhw.readings import FloatArray
+
+CPU = ("x86_64", "some", "+avx")
+
+
+CONSTANTS = "from typing import NamedTuple\n\nLENGTH = {constant}\n\n\nclass Point(NamedTuple):\n    {fields}\n"
+
+
+CALLEE = """
+from keys_under_test.constants import LENGTH, Point
+from sonarhw_sim.compiled import {decorator}
+
+@{decorator}
+def factor(point):
+    {comment}
+    return point.x * LENGTH {operator} 2.0
+"""
+
+
+CALLER = """
+from keys_under_test.callee import factor
+from keys_under_test.constants import Point
+from sonarhw_sim.compiled import compiled
+
+@compiled
+def scaled(x, y):
+    return factor(Point(x, y))
+"""
+
+
+AS_WRITTEN = {
+    "constant": "1.0",
+    "fields": "x: float\n    y: float",
+    "comment": "# one",
+    "operator": "+",
+    "decorator": "compiled",
+}
+
+
+Key = Callable[..., str]
+
+
+@pytest.fixture
+def key(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Key]:
+    """Return a function that returns the key of `scaled`, in a newly written package with these changes."""
+    folder = tmp_path / "keys_under_test"
+    folder.mkdir()
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+
+    def written(**changes: str) -> str:
+        texts = AS_WRITTEN | changes
+        for name, text in {"__init__": "", "constants": CONSTANTS, "callee": CALLEE, "caller": CALLER}.items():
+            (folder / f"{name}.py").write_text(text.format(**texts))
+        _forget()
+        return _key(importlib.import_module("keys_under_test.caller").scaled)
+
+    yield written
+    _forget()
+
+
+def _forget() -> None:
+    for name in [name for name in sys.modules if name.startswith("keys_under_test")]:
+        del sys.modules[name]
+    importlib.invalidate_caches()
+
+
+def _key(kernel: Any, signature: Any = (float64, float64), processor: tuple[str, ...] = CPU) -> str:
+    return key_of(kernel.py_func, "", signature, processor)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"operator": "-"}, {"constant": "1.5"}, {"constant": "-0.0"}, {"fields": "y: float\n    x: float"}],
+    ids=str,
+)
+@pytest.mark.parametrize("decorator", ["compiled", "inlined"])
+def test_the_key_changes_with_what_a_kernel_uses_from_other_files(
+    key: Key, change: dict[str, str], decorator: str
+) -> None:
+    assert key(decorator=decorator, **change) != key(decorator=decorator)
+
+
+def test_the_key_does_not_change_with_a_comment(key: Key) -> None:
+    assert key(comment="# other\n\n    # and longer") == key()
+
+
+@pytest.mark.parametrize("constant", ["object()", "[1.0]", "__import__('json')", "lambda: 1.0"])
+def test_a_kernel_may_not_use_what_the_key_would_miss(key: Key, constant: str) -> None:
+    with pytest.raises(TypeError, match=r"kernel keys_under_test\.callee\.factor uses"):
+        key(constant=constant)
+
+
+def test_the_key_changes_with_types_options_and_processor() -> None:
+    @compiled
+    def kernel(value: float) -> float:
+        return value
+
+    keys = [
+        _key(kernel),
+        _key(kernel, (int64,)),
+        _key(kernel, processor=("x86_64", "some", "+avx512f")),
+        key_of(kernel.py_func, "fastmath", (float64, float64), CPU),  # type: ignore[attr-defined]
+    ]
+    assert len(set(keys)) == len(keys)
+
+
+def test_the_key_changes_with_a_version_and_the_slot_does_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    @compiled
+    def kernel(value: float) -> float:
+        return value
+
+    before, slot = _key(kernel), slot_of((float64,), CPU)
+    for library in ("numba", "llvmlite", "numpy", f"{sys.version_info.major}.{sys.version_info.minor}"):
+        assert library in kernel_key.versions()
+    monkeypatch.setattr(kernel_key, "versions", lambda: "numba 99")
+    assert _key(kernel) != before
+    assert slot_of((float64,), CPU) == slot
+
+
+def test_the_key_of_every_kernel_covers_all_it_uses() -> None:
+    kernels = [
+        (name, value)
+        for package in (sonarhw_sim, sonarhw_compare)
+        for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}.")
+        for name, value in vars(importlib.import_module(module.name)).items()
+        if hasattr(value, "py_func")
+    ]
+    assert {"_follow", "detected", "log_likelihoods"} <= {name for name, _ in kernels}
+    for _, kernel in kernels:
+        assert digest_of(kernel.py_func)
+
+
+# Files of compiled code.
+
+
+CODE = bytes(range(256)) * 8
+
+
+@pytest.fixture
+def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Path]:
+    chosen = [tmp_path / "installation" / "__pycache__", tmp_path / "home" / "kernels"]
+    monkeypatch.setattr(compiler, "kernel_folders", lambda: chosen)
+    return chosen
+
+
+def test_a_truncated_or_changed_file_is_not_used_and_is_replaced(folders: list[Path]) -> None:
+    store("walk-float-1", "walk-float", CODE)
+    file = folders[0] / "walk-float-1.kernel"
+    whole = file.read_bytes()
+    for length in (0, 1, 31, 32, 33, len(whole) - 1):
+        file.write_bytes(whole[:length])
+        assert stored(folders[0], "walk-float-1") is None
+    for place in (0, 32, len(whole) - 1):
+        file.write_bytes(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
+        assert stored(folders[0], "walk-float-1") is None
+    store("walk-float-1", "walk-float", CODE)
+    assert stored(folders[0], "walk-float-1") == CODE
+
+
+def test_the_error_names_each_folder_and_its_reason(folders: list[Path]) -> None:
+    for folder in folders:
+        folder.parent.write_text("not a folder")
+    reason = store("walk-float-1", "walk-float", CODE)
+    assert reason == f"{folders[0]}: Not a directory; {folders[1]}: Not a directory"
+
+
+def test_a_full_disk_is_named_and_leaves_no_part(folders: list[Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(_part: str, _path: Path) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "replace", fail)
+    assert "No space left on device" in str(store("walk-float-1", "walk-float", CODE))
+    assert not [*folders[0].iterdir(), *folders[1].iterdir()]
+
+
+def test_numba_cache_dir_replaces_the_default_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("numba.core.config.CACHE_DIR", "")
+    installation, home = kernel_folders()
+    assert installation.parent.name == "sonarhw_sim"
+    assert home != installation
+    monkeypatch.setattr("numba.core.config.CACHE_DIR", str(tmp_path))
+    assert kernel_folders() == [tmp_path]
+
+
+# Kernels are called by Python, their parts by kernels only.
+
+
+@compiled_part
+def _half(value: float) -> float:
+    return value / 2
+
+
+@compiled
+def _sum_of_halves(values: FloatArray) -> float:
+    total = 0.0
+    for value in values:
+        total += _half(value)
+    return total
+
+
+def test_a_part_is_called_by_kernels_and_refuses_calls_by_python() -> None:
+    with pytest.raises(TypeError, match="_half can be called by kernels only"):
+        _half(3.0)
+    assert _sum_of_halves(np.array([1.0, 2.0])) == 1.5
+    with pytest.raises(TypeError, match="_half can be called by kernels only"):
+        _half(3.0)
+
+
+@compiled
+def _count_until(flag: FloatArray, count: FloatArray, most: float) -> None:
+    while count[0] < most and flag[0] == 0.0:
+        count[0] += 1.0
+
+
+def test_other_threads_run_while_a_kernel_runs() -> None:
+    flag, count, most = np.zeros(1), np.zeros(1), 1e9
+    _count_until(flag, count, 1.0)
+    thread = threading.Thread(target=_count_until, args=(flag, count, most))
+    thread.start()
+    while count[0] <= 1.0:
+        time.sleep(0.001)
+    flag[0] = 1.0
+    thread.join()
+    assert count[0] < most
+
+
+# Parts on several cores.
+
+
+HEADINGS = np.radians(np.arange(360.0))
+
+
+Part = tuple[int, int, int]
+
+
+def _part(begin: int, end: int) -> Part:
+    return begin, end, get_ident()
+
+
+def _bounds(parts: list[Part]) -> list[tuple[int, int]]:
+    return [(begin, end) for begin, end, _ in parts]
+
+
+def _use(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compiled_module, "core_count", lambda: count)
+
+
+@pytest.mark.parametrize(("room_name", "place_name"), [("laboratory", "bench"), ("doorstep", "robot")])
+@pytest.mark.parametrize("count", [3])
+def test_paths_and_readings_are_the_same_bit_for_bit_on_any_number_of_cores(
+    room_name: str, place_name: str, count: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    room, board = load_room(room_name), replace(load_board("polaroid-6500"), max_range=6.0)
+
+    def scan() -> PredictedScan:
+        return predict_scan(room, room.places[place_name], board, HEADINGS)
+
+    _use(1, monkeypatch)
+    one = scan()
+    _use(count, monkeypatch)
+    several = scan()
+    assert len(one.paths) > 100
+    for field in fields(one.paths):
+        expected, found = getattr(one.paths, field.name), getattr(several.paths, field.name)
+        assert expected.tobytes() == found.tobytes(), field.name
+    assert one.ranges.tobytes() == several.ranges.tobytes()
+    assert (one.winners == several.winners).all()
+
+
+def test_parts_are_consecutive_and_in_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    _use(3, monkeypatch)
+    assert _bounds(in_parts(_part, 10, 1)) == [(0, 3), (3, 6), (6, 10)]
+    assert _bounds(in_parts(_part, 10, 5)) == [(0, 5), (5, 10)]
+    assert _bounds(in_parts(_part, 10, 6)) == [(0, 10)]
+    assert _bounds(in_parts(_part, 0, 1)) == [(0, 0)]
+
+
+def test_no_part_within_a_part_has_threads_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    _use(2, monkeypatch)
+    inner = in_parts(lambda begin, end: (get_ident(), in_parts(_part, 10, 1)), 10, 1)
+    assert [_bounds(parts) for _, parts in inner] == [[(0, 10)], [(0, 10)]]
+    assert all(parts[0][2] == thread for thread, parts in inner)
+    # later calls have threads again
+    assert len({thread for _, _, thread in in_parts(_part, 10, 1)}) == 2
+
+
+def test_a_process_of_a_pool_has_no_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    _use(2, monkeypatch)
+    monkeypatch.setattr(multiprocessing, "parent_process", object)
+    assert in_parts(_part, 10, 1) == [(0, 10, get_ident())]
+
+
+def test_an_error_in_one_part_reaches_the_caller(monkeypatch: pytest.MonkeyPatch) -> None:
+    _use(2, monkeypatch)
+
+    def fail(begin: int, _: int) -> None:
+        if begin:
+            raise ValueError(begin)
+
+    with pytest.raises(ValueError, match="5"):
+        in_parts(fail, 10, 1)
+    assert len(in_parts(_part, 10, 1)) == 2

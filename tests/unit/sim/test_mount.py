@@ -1,0 +1,292 @@
+"""Mounts: a face that reflects, a face off the axis, a body behind it, its echoes, and a ring of sensors."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from sonarhw_sim.air import Unit
+from sonarhw_sim.board.beam import beam_gain
+from sonarhw_sim.board.profile import (
+    BODY_REFLECTANCE,
+    Board,
+    Mount,
+    Ring,
+    is_own_body,
+    load_board,
+    own_range,
+    parse_board,
+)
+from sonarhw_sim.predict.predicted_scan import PredictedScan
+from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
+from sonarhw_sim.room.room import Place, Room, load_room
+
+from sonarhw.errors import InputError
+from sonarhw.readings import FloatArray
+from tests.fixtures.rooms_for_tests import polygon_room
+
+ROOM = load_room("rooms/simple.toml")
+
+
+PAPER = load_board("paper")
+
+
+PLATE = polygon_room([(0.15, -3.0), (0.15, 3.0)], closed=False)  # 15 cm in front of the origin, reflectance 0.9
+
+
+HERE = Place("here", (0.0, 0.0))
+
+
+def predict(place: Place, *degrees: float, unit: Unit, room: Room = ROOM, board: Board = PAPER) -> PredictedScan:
+    return predict_scan(room, place, board, np.radians(degrees), PredictionOptions(unit=unit))
+
+
+def via(scan: PredictedScan, index: int) -> tuple[str, ...]:
+    return scan.paths.via(int(scan.winners[index]), scan.room)
+
+
+def mirrored(point: FloatArray, through: FloatArray, direction: float) -> FloatArray:
+    along = np.array([math.cos(direction), math.sin(direction)])
+    offset = point - through
+    return through + 2 * (offset @ along) * along - offset
+
+
+@pytest.mark.parametrize(
+    ("place", "heading", "wall", "away", "trips"),
+    # 94 mm is within blanking (0.409 m) until the fifth round trip, 154 mm until the third, 85 mm until the fifth
+    [("figure7", 0, "right", 0.094, 5), ("figure9", 0, "right", 0.154, 3), ("figure9", 270, "bottom", 0.085, 5)],
+)
+def test_sound_repeats_between_near_wall_and_face_until_blanking_ends(
+    place: str, heading: float, wall: str, away: float, trips: int
+) -> None:
+    scan = predict(ROOM.places[place], heading, unit=Unit.REFLECT)
+    assert scan.ranges[0] == pytest.approx(trips * away, abs=1e-9)
+    assert via(scan, 0) == (wall, *("unit", wall) * (trips - 1))
+    assert [echo.range for echo in scan.ping(0).blanked_echoes][: trips - 1] == pytest.approx(
+        np.arange(1, trips) * away
+    )
+
+
+def test_parallel_plate_returns_many_echoes_each_weaker_by_wall_and_face() -> None:
+    scan = predict(HERE, 0.0, unit=Unit.REFLECT, room=PLATE)
+    detected = [*scan.ping(0).blanked_echoes, *scan.ping(0).echoes]
+    ringing = [echo for echo in detected if scan.paths.edges[echo.path] < 0]
+    levels = [20 * math.log10(0.9**n * BODY_REFLECTANCE ** (n - 1)) for n in range(1, len(ringing) + 1)]
+    assert [echo.range for echo in ringing] == pytest.approx(0.15 * np.arange(1, len(ringing) + 1))
+    assert [echo.level_db for echo in ringing] == pytest.approx(levels)
+    assert len(ringing) > 20
+
+
+def test_a_blocking_face_absorbs_the_echo_of_a_parallel_plate() -> None:
+    scan = predict(HERE, 0.0, unit=Unit.BLOCK, room=PLATE)
+    assert [echo.range for echo in scan.ping(0).blanked_echoes if scan.paths.edges[echo.path] < 0] == pytest.approx(
+        [0.15]
+    )
+    assert not [echo for echo in scan.ping(0).echoes if scan.paths.edges[echo.path] < 0]
+
+
+def test_tilted_face_reflects_the_second_round_trip_like_two_mirrors() -> None:
+    tilt = 2.0
+    scan = predict(HERE, tilt, unit=Unit.REFLECT, room=PLATE)
+    second = next(k for k in range(len(scan.paths)) if scan.paths.via(k, scan.room) == ("w[0]", "unit", "w[0]"))
+    # the image of the place in wall, face and wall again, mirrored last to first
+    wall, face = np.array([0.15, 0.0]), np.zeros(2)
+    image = mirrored(np.zeros(2), wall, math.pi / 2)
+    image = mirrored(image, face, math.radians(tilt) + math.pi / 2)
+    image = mirrored(image, wall, math.pi / 2)
+    assert scan.paths.lengths[second] == pytest.approx(np.hypot(*image), abs=1e-9)
+    assert scan.paths.departures[second] == pytest.approx(math.atan2(image[1], image[0]), abs=1e-9)
+
+
+MOUNTS = [Mount(ahead=-0.02), Mount(ahead=0.05, aside=-0.02)]
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+@pytest.mark.parametrize("unit", [Unit.PASS, Unit.REFLECT])
+def test_face_off_the_axis_has_the_readings_of_an_axis_there(mount: Mount, unit: Unit) -> None:
+    place, near = ROOM.places["figure9"], replace(PAPER, max_range=4.0)
+    degrees = [75.0, 270.0]
+    mounted = predict(place, *degrees, unit=unit, board=replace(near, mount=mount))
+    for k, heading in enumerate(np.radians(degrees)):
+        ahead = np.array([math.cos(heading), math.sin(heading)])
+        x, y = np.array(place.position) + mount.ahead * ahead + mount.aside * np.array([-ahead[1], ahead[0]])
+        alone = predict(replace(place, position=(float(x), float(y))), degrees[k], unit=unit, board=near)
+        assert mounted.ranges[k] == pytest.approx(alone.ranges[0], nan_ok=True, abs=1e-9)
+        assert [e.range for e in mounted.ping(k).echoes] == pytest.approx(
+            [e.range for e in alone.ping(0).echoes], abs=1e-9
+        )
+        assert mounted.standpoints[k] == pytest.approx((x, y))
+
+
+def test_path_between_separate_sender_and_receiver_is_two_sides_of_a_triangle() -> None:
+    board = replace(PAPER, mount=Mount(separation=0.1))
+    wall = polygon_room([(0.5, -3.0), (0.5, 3.0)], closed=False)
+    scan = predict(HERE, 0.0, unit=Unit.PASS, room=wall, board=board)
+    assert scan.ranges[0] == pytest.approx(math.hypot(0.5, 0.05))
+    aside = math.atan2(0.05, 0.5)
+    one_way = beam_gain(np.array(aside), PAPER.wavenumber(wall.air) * PAPER.aperture_radius)
+    assert scan.ping(0).levels[scan.winners[0]] == pytest.approx(20 * math.log10(0.9 * float(one_way) ** 2), abs=1e-6)
+
+
+B12 = replace(load_board("paper-b12"), max_range=2.0)
+
+
+def test_sound_repeats_between_body_and_near_wall_which_hides_the_far_one() -> None:
+    # figure 9 with a B12 robot (text): 85 mm from the bottom wall
+    place = Place("b12", (0.45, 0.085 + 0.152))
+    scan = predict(place, 270.0, unit=Unit.PASS, board=B12)
+    rattling = ("bottom", *("body", "bottom") * 4)
+    assert scan.ranges[0] == pytest.approx(5 * 0.085, abs=1e-4)
+    assert via(scan, 0) == rattling
+    false_wall = 0.085 + ROOM.walls[:, 3].max()
+    without = predict(replace(place, position=(0.45, 0.085)), 270.0, unit=Unit.PASS)
+    assert any(echo.range == pytest.approx(false_wall) for echo in without.ping(0).echoes)
+    assert not any(echo.range == pytest.approx(false_wall, abs=1e-3) for echo in scan.ping(0).echoes)
+
+
+def test_round_body_spreads_reflected_sound() -> None:
+    board = replace(PAPER, mount=Mount(ahead=0.2, body_radius=0.2))
+    room = polygon_room([(0.5, -3.0), (0.5, 3.0)], closed=False)
+    scan = predict(HERE, 0.0, unit=Unit.PASS, room=room, board=board)
+    second = next(k for k in range(len(scan.paths)) if scan.paths.via(k, scan.room) == ("w[0]", "body", "w[0]"))
+    # the tube is 2z wide at the body, opens 1 + 2 (2z) / R times as fast from there, and ends 4z (1 + 2z / R) wide
+    z, radius = 0.3, 0.2
+    expected = 0.9 * BODY_REFLECTANCE * 0.9 / math.sqrt(1 + 2 * z / radius)
+    assert scan.paths.gains[second] == pytest.approx(expected, rel=1e-4)
+
+
+# A ring: each sensor receives the others, timed from its own ping.
+
+
+# 24 mm wide, so that sensors 15° apart still receive each other over a wall half a metre away
+OF_RING = replace(load_board("paper"), aperture_radius=0.012, threshold_db=-50.0, max_range=3.0)
+
+
+WALL_AHEAD = polygon_room([(0.6, -3.0), (0.6, 3.0)], closed=False)
+
+
+SPEED = WALL_AHEAD.air.speed_of_sound
+
+
+def scan_of(ring: Ring, *listeners: int) -> PredictedScan:
+    """Return what these sensors of the ring receive from all; its rows are in their order."""
+    return predict_scan(WALL_AHEAD, HERE, replace(OF_RING, ring=ring), ring.headings(HERE)[[*listeners]])
+
+
+def face(ring: Ring, sensor: int) -> tuple[float, float]:
+    heading = sensor * math.tau / ring.sensors
+    return ring.radius * math.cos(heading), ring.radius * math.sin(heading)
+
+
+def by_wall(ring: Ring, sender: int, listener: int) -> float:
+    """Return the length of the path from a sensor over the wall to another: the distance to its mirror image."""
+    (x0, y0), (x1, y1) = face(ring, sender), face(ring, listener)
+    return math.hypot(1.2 - x1 - x0, y1 - y0)
+
+
+def path_from(scan: PredictedScan, listener: int, sender: int) -> int:
+    """Return the row of the path from a sender over the wall straight to a receiver, both as rows of the scan."""
+    assert scan.only_at is not None
+    assert scan.sender_headings is not None
+    return next(
+        k
+        for k in range(len(scan.paths))
+        if scan.only_at[k] == listener
+        and math.isclose(scan.sender_headings[k], scan.headings[sender])
+        and scan.paths.via(k, scan.room) == ("w[0]",)
+    )
+
+
+def test_ring_of_one_is_a_head_on_a_body() -> None:
+    one = predict_scan(WALL_AHEAD, HERE, replace(OF_RING, ring=Ring(sensors=1, radius=0.1)), np.zeros(1))
+    head = predict_scan(WALL_AHEAD, HERE, replace(OF_RING, mount=Mount(ahead=0.1, body_radius=0.1)), np.zeros(1))
+    assert [e.range for e in one.ping(0).echoes] == pytest.approx([e.range for e in head.ping(0).echoes], abs=1e-12)
+    assert one.ranges[0] == pytest.approx(0.5)
+
+
+def test_neighbour_is_received_at_the_distance_of_its_mirror_image() -> None:
+    ring = Ring(sensors=24, radius=0.1)
+    scan = scan_of(ring, 0, 1)
+    path = path_from(scan, listener=0, sender=1)
+    (x0, y0), (x1, y1) = face(ring, 1), face(ring, 0)
+    leaving = math.atan2(y1 - y0, 1.2 - x1 - x0)
+    coming = math.atan2(y0 - y1, 1.2 - x1 - x0)
+    ka = OF_RING.wavenumber(WALL_AHEAD.air) * OF_RING.aperture_radius
+    out, back = beam_gain(np.array([leaving - math.tau / 24, coming]), ka)
+    assert scan.paths.lengths[path] == pytest.approx(by_wall(ring, 1, 0), abs=1e-9)
+    assert scan.ping(0).levels[path] == pytest.approx(20 * math.log10(0.9 * out * back), abs=1e-3)
+
+
+def test_crosstalk_is_timed_from_the_receivers_own_ping() -> None:
+    interval = 0.0004
+    ring = Ring(sensors=24, radius=0.1, interval=interval)
+    scan = scan_of(ring, 0, 1)
+    # 0 fires before 1, so its sound reaches 1 an interval early, and that of 1 reaches 0 an interval late
+    for listener, sender, later in ((1, 0, -interval), (0, 1, interval)):
+        path = path_from(scan, listener, sender)
+        expected = by_wall(ring, sender, listener) + later * SPEED
+        assert scan.apparent_lengths[path] == pytest.approx(expected, abs=1e-9)
+        assert any(echo.range == pytest.approx(expected / 2, abs=1e-9) for echo in scan.ping(listener).echoes)
+    assert scan.ranges[0] == pytest.approx(0.5)
+    assert scan.ranges[1] == pytest.approx((by_wall(ring, 0, 1) - interval * SPEED) / 2)
+
+
+def test_ping_within_the_receivers_blanking_is_not_detected() -> None:
+    ring = Ring(sensors=24, radius=0.1, interval=0.0015)
+    scan = scan_of(ring, 0, 1)
+    early = path_from(scan, listener=1, sender=0)
+    assert scan.apparent_lengths[early] / 2 < OF_RING.blanked_range(WALL_AHEAD.air)
+    assert early in [echo.path for echo in scan.ping(1).blanked_echoes]
+    assert early not in [echo.path for echo in scan.ping(1).echoes]
+
+
+def test_heading_between_two_sensors_is_rejected() -> None:
+    ring = Ring(sensors=12, radius=0.1)
+    assert ring.sensor_at(HERE, math.radians(330)) == 11
+    assert ring.sensor_at(replace(HERE, heading=math.radians(15)), math.radians(-15)) == 11
+    with pytest.raises(InputError, match="no sensor of the ring points to 40°"):
+        predict_scan(WALL_AHEAD, HERE, replace(OF_RING, ring=ring), np.radians([0.0, 40.0]))
+
+
+# The own body.
+
+
+NXT = load_board("lego-nxt")
+
+
+PART = "\n[[own_body]]\nfrom_deg = -10.0\nto_deg = 20.0\nnearest = 0.2\nfarthest = 0.24\n"
+
+
+WITH_BODY = parse_board(NXT.text + PART, "mine.toml")
+
+
+@pytest.mark.parametrize(
+    ("degrees", "distance", "own"),
+    [(-10, 0.2, True), (20, 0.24, True), (365, 0.22, True), (21, 0.22, False), (0, 0.25, False), (0, None, False)],
+)
+def test_a_reading_is_of_the_own_body_within_its_angles_and_ranges(
+    degrees: float, distance: float | None, own: bool
+) -> None:
+    assert is_own_body(WITH_BODY.own_body, math.radians(degrees), distance) == own
+
+
+def test_the_range_of_the_own_body_is_the_middle_of_its_nearest_part() -> None:
+    nearer = parse_board(WITH_BODY.text + PART.replace("0.2\n", "0.1\n").replace("0.24", "0.12"), "mine.toml")
+    assert own_range(WITH_BODY.own_body, 0.0) == pytest.approx(0.22)
+    assert own_range(nearer.own_body, 0.0) == pytest.approx(0.11)
+    assert own_range(WITH_BODY.own_body, math.pi) is None
+
+
+def test_the_own_body_is_predicted_on_request_where_it_is_the_nearest() -> None:
+    room, headings = load_room("rooms/arena.toml"), np.radians(np.arange(0.0, 360.0, 10.0))
+    here, near = Place("", (0.42, 0.42), math.radians(90.0)), Place("", (0.42, 0.1), math.radians(270.0))
+    usual = predict_scan(room, here, WITH_BODY, headings)
+    own = predict_scan(room, here, WITH_BODY, headings, PredictionOptions(own_body=True))
+    facing = np.abs(np.degrees(headings) - 95.0) <= 15.0
+    assert own.of_own_body is not None
+    assert own.of_own_body.tolist() == facing.tolist()
+    assert own.ranges[facing] == pytest.approx(0.22)
+    assert own.ranges[~facing] == pytest.approx(usual.ranges[~facing], nan_ok=True)
+    # a wall at 10 cm is nearer than the body
+    closer = predict_scan(room, near, WITH_BODY, np.radians([275.0]), PredictionOptions(own_body=True))
+    assert closer.ranges[0] == pytest.approx(0.1, abs=0.011)

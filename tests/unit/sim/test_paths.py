@@ -1,0 +1,559 @@
+"""Paths in the plan against image sources, Fermat's principle, exact waves and closed forms."""
+
+import itertools
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.optimize import brentq, minimize_scalar
+from scipy.spatial import cKDTree
+from scipy.special import h1vp, hankel1, jv, jvp
+from sonarhw_sim.air import EdgeStrength
+from sonarhw_sim.board.beam import beam_gain
+from sonarhw_sim.rays import fan as path_table
+from sonarhw_sim.rays.diffraction import EdgeDiffraction, edge_gain
+from sonarhw_sim.rays.fan import TransducerAxes
+from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
+from sonarhw_sim.rays.posts import cylinder_factor
+from sonarhw_sim.room.room import Room, load_room, parse_room, with_post
+
+from sonarhw.errors import InputError
+from tests.fixtures.rooms_for_tests import polygon_room, room_of, star_room
+from tests.oracles.exact.boundary_elements import RigidScene, level_of_wall
+from tests.oracles.exact.exact_levels import WAVELENGTH as WAVE
+from tests.oracles.exact.exact_levels import WAVENUMBER, level_near
+from tests.oracles.fermat import reflected_paths
+from tests.oracles.image_sources import specular_lengths
+
+WAVELENGTH = 0.00696
+
+
+QUARTER_DEGREE = 1440  # rays
+
+
+def specular(max_length: float, max_bounces: int = 64, rays: int = QUARTER_DEGREE) -> PathSearch:
+    return PathSearch(max_length, WAVELENGTH, max_bounces, diffraction=False, rays=rays)
+
+
+def missing_from(found: np.ndarray, expected: np.ndarray) -> int:
+    """Return how many of the sorted `expected` lengths have no separate match in `found`, to a micrometre."""
+    left, missing = list(found), 0
+    for length in expected:
+        at = int(np.argmin(np.abs(np.array(left) - length))) if left else -1
+        if at >= 0 and abs(left[at] - length) < 1e-6:
+            left.pop(at)
+        else:
+            missing += 1
+    return missing
+
+
+def test_specular_paths_are_those_of_image_sources() -> None:
+    wanted_in_all = missed = invented = 0
+    for seed in range(12):
+        room = star_room(seed, 4 + seed % 5, convex=seed % 2 == 0)
+        exact = np.array(specular_lengths(room, (0.11, -0.07), 3))
+        found = find_paths(room, (0.11, -0.07), specular(40.0, 3)).lengths
+        wanted_in_all += len(exact)
+        missed += missing_from(found, exact)
+        invented += missing_from(exact, found)
+    assert wanted_in_all > 100
+    assert missed <= 0.01 * wanted_in_all
+    assert invented == 0
+
+
+def test_rectangle_has_the_paths_of_its_image_lattice() -> None:
+    room = load_room("rooms/simple.toml")
+    (x, y), reach = room.places["figure9"].position, 8.0
+    lattice = []
+    for i in range(-20, 21):
+        for j in range(-20, 21):
+            dx = i * 0.928 + (0.0 if i % 2 == 0 else 0.928 - 2 * x)
+            dy = j * 0.742 + (0.0 if j % 2 == 0 else 0.742 - 2 * y)
+            if (i, j) != (0, 0) and math.hypot(dx, dy) <= reach:
+                lattice.append(math.hypot(dx, dy))
+    found = find_paths(room, (x, y), PathSearch(reach, WAVELENGTH, diffraction=False)).lengths
+    assert len(found) == len(lattice)
+    assert missing_from(found, np.array(sorted(lattice))) == 0
+
+
+@pytest.mark.parametrize("divisor", [2, 4, 6])
+def test_corner_of_an_even_divisor_returns_sound_along_its_path(divisor: int) -> None:
+    opening = math.pi / divisor
+    room = polygon_room([(2.0, 0.0), (0.0, 0.0), (2 * math.cos(opening), 2 * math.sin(opening))], closed=False)
+    here = 1.3 * np.array([math.cos(opening * 0.37), math.sin(opening * 0.37)])
+    paths = find_paths(room, (float(here[0]), float(here[1])), PathSearch(6.0, WAVELENGTH))
+    back = [k for k in range(len(paths)) if paths.bounces[k] == divisor and abs(paths.lengths[k] - 2.6) < 1e-9]
+    assert len(back) == 1
+    assert paths.arrivals[back[0]] == pytest.approx(paths.departures[back[0]], abs=1e-9)
+    assert not any(paths.edges[k] >= 0 and abs(paths.lengths[k] - 2.6) < 1e-9 for k in range(len(paths)))
+
+
+def test_free_wall_end_diffracts_with_the_papers_factor() -> None:
+    room = polygon_room([(0.35, 0.0), (1.0, -0.4)], closed=False)
+    paths = find_paths(room, (0.0, 0.0), PathSearch(0.8, WAVELENGTH, edge_strength=EdgeStrength.PAPER))
+    assert [paths.via(k, room) for k in range(len(paths))] == [("w[0]/",)]
+    assert paths.lengths[0] == pytest.approx(0.7)
+    assert 20 * math.log10(paths.gains[0]) == pytest.approx(-33.0, abs=0.1)
+
+
+def test_convex_corner_diffracts_from_outside_only() -> None:
+    box = [(1.0, -0.5), (2.0, -0.5), (2.0, 0.5), (1.0, 0.5)]
+    outside = find_paths(polygon_room(box), (0.0, -0.8), PathSearch(4.0, WAVELENGTH))
+    inside = find_paths(polygon_room(box), (1.4, 0.1), PathSearch(4.0, WAVELENGTH))
+    assert (outside.edges >= 0).any()
+    assert not (inside.edges >= 0).any()
+
+
+def test_screen_narrower_than_the_ray_spacing_hides_the_wall() -> None:
+    screen = '[[walls]]\nname = "screen"\npoints = [[-0.0005, 1.0], [0.0005, 1.0]]\nmaterial = "hard"'
+    room = polygon_room([(-2.0, 2.0), (2.0, 2.0)], closed=False, extra=screen)
+    paths = find_paths(room, (0.0, 0.0), specular(4.5))
+    assert ("w[0]",) not in [paths.via(k, room) for k in range(len(paths))]
+
+
+def test_edge_behind_a_wall_has_no_path() -> None:
+    fin = '[[walls]]\nname = "fin"\npoints = [[2.0, 0.1], [2.0, 1.0]]\nmaterial = "hard"'
+    room = polygon_room([(1.0, -1.0), (1.0, 1.0)], closed=False, extra=fin)
+    paths = find_paths(room, (0.0, 0.0), PathSearch(6.0, WAVELENGTH))
+    assert {paths.via(k, room)[-1] for k in range(len(paths))} == {"w[0]", "w[0]/"}
+
+
+def test_second_wall_flush_with_the_first_changes_nothing() -> None:
+    square = [(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)]
+    board = '[[walls]]\nname = "board"\npoints = [[0.2, 2.0], [1.8, 2.0]]\nmaterial = "hard"'
+    plain, boarded, doubled = (
+        find_paths(polygon_room(square, extra=extra), (0.7, 0.6), PathSearch(9.0, WAVELENGTH)).lengths
+        for extra in ("", board, board.replace("0.2", "0.0").replace("1.8", "2.0"))
+    )
+    assert boarded == pytest.approx(plain, abs=1e-9)
+    assert doubled == pytest.approx(plain, abs=1e-9)
+
+
+def test_edge_along_its_own_wall_has_no_path() -> None:
+    room, search = polygon_room([(1.0, 0.0), (2.0, 0.0)], closed=False), PathSearch(6.0, WAVELENGTH)
+    # edge-on, a plate is silent by the uniform theory
+    assert len(find_paths(room, (0.0, 0.0), search)) == 0
+    paths = find_paths(room, (0.0, 0.0), replace(search, edge_strength=EdgeStrength.PAPER))
+    assert paths.lengths == pytest.approx([2.0])
+
+
+def test_sound_spread_by_a_thin_post_reaches_edges_in_all_directions() -> None:
+    """The shortest path over the post to the free end of a wall and straight back, by Fermat's principle."""
+    post = (1.0, 0.0, 0.01)
+    angles = np.radians([40, 70, 100, 125, 235, 260, 290, 320])
+    tips = np.column_stack((1.0 + 1.5 * np.cos(angles), 1.5 * np.sin(angles)))
+    outer = np.column_stack((1.0 + 2.5 * np.cos(angles), 2.5 * np.sin(angles)))
+    room = room_of(np.hstack((tips, outer)), [post])
+    paths = find_paths(room, (0.0, 0.0), PathSearch(12.0, WAVELENGTH, 1, True, 5760, EdgeStrength.PAPER, 1e-6))
+    number = len(room.walls)
+    found = {}
+    for row in range(len(paths)):
+        if paths.edges[row] >= 0 and paths.bounces[row] == 1 and paths.surfaces[row, 0] == number:
+            found.setdefault(int(paths.edges[row]), []).append(float(paths.lengths[row]))
+
+    for x, y in tips.tolist():
+        (edge,) = [k for k, at in enumerate(room.edges.points.tolist()) if math.dist(at, (x, y)) < 1e-9]
+
+        def length(turn: float, x: float = x, y: float = y) -> float:
+            px, py = 1.0 + 0.01 * math.cos(turn), 0.01 * math.sin(turn)
+            return math.hypot(px, py) + math.hypot(px - x, py - y) + math.hypot(x, y)
+
+        middle = (math.pi + math.atan2(y, x - 1.0)) / 2 + (math.pi if y < 0 else 0.0)
+        shortest = minimize_scalar(
+            length, bounds=(middle - 1.0, middle + 1.0), method="bounded", options={"xatol": 1e-12}
+        ).fun
+        # there over the post, and back over it
+        assert found[edge] == pytest.approx([shortest] * 2, abs=1e-9)
+
+
+# Edges by the factor of the paper and by angle.
+
+
+FIN = '[[walls]]\nname = "fin"\npoints = [[1.0, 0.2], [1.0, -1.0]]\nmaterial = "hard"'
+
+
+CEILING = [(-2.0, 1.0), (2.0, 1.0)]
+
+
+def diffracted(room: Room, search: PathSearch) -> dict[tuple[str, ...], float]:
+    """Return the shortest length of each sequence that contains an edge."""
+    paths = find_paths(room, (0.0, 0.0), search)
+    return {paths.via(int(k), room): paths.lengths[k] for k in np.flatnonzero(paths.edges >= 0)[::-1]}
+
+
+def test_reflections_before_and_after_an_edge_are_found() -> None:
+    lengths = diffracted(
+        polygon_room(CEILING, closed=False, extra=FIN), PathSearch(5.0, WAVELENGTH, edge_strength=EdgeStrength.PAPER)
+    )
+    straight, mirrored = math.hypot(1.0, 0.2), math.hypot(1.0, 1.8)
+    assert lengths[("fin[0]/",)] == pytest.approx(2 * straight)
+    assert lengths[("w[0]", "fin[0]/")] == pytest.approx(straight + mirrored)
+    assert lengths[("fin[0]/", "w[0]")] == pytest.approx(straight + mirrored)
+    assert lengths[("w[0]", "fin[0]/", "w[0]")] == pytest.approx(2 * mirrored)
+
+
+def test_gain_of_unequal_legs_is_that_of_their_harmonic_mean() -> None:
+    assert edge_gain(0.35, 0.35, WAVELENGTH) == pytest.approx(10 ** (-33.0 / 20), rel=0.01)
+    assert edge_gain(0.2, 0.6, WAVELENGTH) == pytest.approx(edge_gain(0.3, 0.3, WAVELENGTH))
+
+
+@pytest.mark.parametrize("strength", EdgeStrength)
+def test_no_path_above_the_faintest_is_missed(strength: EdgeStrength) -> None:
+    room = load_room("rooms/arena.toml")
+    place = room.places["p3"].position
+    everything, louder = (
+        find_paths(room, place, PathSearch(6.0, WAVELENGTH, edge_strength=strength, faintest_diffraction=faintest))
+        for faintest in (1e-9, 1e-2)
+    )
+    rows = np.flatnonzero((everything.edges >= 0) & (everything.gains >= 1e-2))
+    found = np.sort(louder.lengths[louder.edges >= 0])
+    assert len(rows) > 20
+    assert found == pytest.approx(np.sort(everything.lengths[rows]), abs=1e-9)
+
+
+def test_longest_path_to_an_edge_just_reaches_the_faintest() -> None:
+    edge_diffraction = EdgeDiffraction(WAVELENGTH, 0.01, EdgeStrength.PAPER)
+    for distance in (0.95, 1.2, 1.7):
+        longest = float(edge_diffraction.longest_partial(np.array([distance]))[0])
+        assert edge_gain(longest, distance, WAVELENGTH) == pytest.approx(0.01)
+    assert edge_diffraction.longest_partial(np.array([0.5, 2.0])).tolist() == [math.inf, 0.0]
+
+
+def test_paths_to_a_receiver_elsewhere_are_those_of_image_sources() -> None:
+    room = load_room("rooms/simple.toml")
+    search = PathSearch(4.0, WAVELENGTH, 3, diffraction=False)
+    there = find_paths(room, (0.3, 0.2), search, receiver=(0.7, 0.5))
+    assert there.lengths[0] == pytest.approx(0.5)
+    assert there.bounces[0] == 0
+    expected = sorted(
+        math.hypot(x, y)
+        for i in range(-3, 4)
+        for j in range(-3, 4)
+        if abs(i) + abs(j) <= 3
+        for x in [i * 0.928 + (0.7 if i % 2 == 0 else 0.228) - 0.3]
+        for y in [j * 0.742 + (0.5 if j % 2 == 0 else 0.242) - 0.2]
+        if math.hypot(x, y) <= 4.0
+    )
+    assert there.lengths == pytest.approx(expected)
+    assert len(specular_lengths(room, (0.3, 0.2), 1)) == 4
+
+
+# Posts.
+
+
+HERE = (0.0, 0.0)
+
+
+def scene(walls: np.ndarray, posts: np.ndarray) -> Room:
+    text = 'name = "scene"\n[materials.m]\nreflectance = 1.0\n[places.here]\nposition = [0.0, 0.0]\n'
+    for k, (a, b, c, d) in enumerate(walls.tolist()):
+        text += f'[[walls]]\nname = "w{k}"\nmaterial = "m"\npoints = [[{a}, {b}], [{c}, {d}]]\n'
+    for k, (x, y, radius) in enumerate(posts.tolist()):
+        text += f'[[posts]]\nname = "p{k}"\nmaterial = "m"\ncenter = [{x}, {y}]\nradius = {radius}\n'
+    return parse_room(text, "scene")
+
+
+def found(room: Room, walls: int) -> dict[tuple[int, ...], float]:
+    """Return sequence and length of each path of up to three reflections with a post among them."""
+    paths = find_paths(room, HERE, PathSearch(21.4, WAVELENGTH, diffraction=False, shadows=False))
+    sequences = [tuple(row[row >= 0].tolist()) for row in paths.surfaces]
+    lengths = dict(zip(sequences, paths.lengths.tolist(), strict=True))
+    return {sequence: length for sequence, length in lengths.items() if len(sequence) <= 3 and max(sequence) >= walls}
+
+
+def ray_gain(points: np.ndarray, sequence: tuple[int, ...], walls: int, posts: np.ndarray) -> float:
+    """Return the gain of a path (k, 2) between reflectors of reflectance 1: how much posts spread its tube."""
+    width, opening, length = 0.0, 1.0, 0.0
+    legs = np.diff(points, axis=0)
+    for leg, at, surface in zip(legs, points[1:], (*sequence, -1), strict=True):
+        length += math.hypot(*leg)
+        width += opening * math.hypot(*leg)
+        if surface >= walls:
+            x, y, radius = posts[surface - walls]
+            cosine = ((x, y) - at) @ leg / math.hypot(*leg) / radius
+            opening += 2 / (radius * cosine) * width
+    return math.sqrt(length / width)
+
+
+# In these scenes, a fan alone misses paths.
+@pytest.mark.parametrize("seed", [2, 9])
+def test_every_path_by_a_post_is_found_and_no_other(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    corners = random.uniform(-3, 3, (2, 2))
+    turn = random.uniform(0, math.pi, 2)
+    along = 2.0 * np.column_stack((np.cos(turn), np.sin(turn)))
+    walls = np.hstack((corners - along, corners + along))
+    posts = np.column_stack((random.uniform(-3, 3, (2, 2)), 10 ** random.uniform(-3, -1.3, 2)))
+    here = np.array(HERE)
+    expected, optional = {}, set()
+    for sequence, points, doubt in reflected_paths(here, here, walls, posts, 3):
+        if max(sequence) >= len(walls):
+            expected[sequence] = np.hypot(*np.diff(points, axis=0).T).sum()
+            if doubt or 20 * math.log10(ray_gain(points, sequence, len(walls), posts)) < -60:
+                optional.add(sequence)
+    paths = found(scene(walls, posts), len(walls))
+    assert paths.keys() <= expected.keys()
+    assert expected.keys() - optional <= paths.keys()
+    for sequence in paths:
+        assert paths[sequence] == pytest.approx(expected[sequence], abs=1e-6)
+
+
+@pytest.mark.parametrize("distance", [3.0, 8.0])
+def test_a_wire_is_heard_at_every_bearing(distance: float) -> None:
+    # a fan of rays alone passes 38 to 68 % of these
+    wall = np.array([[-30.0, -30.0, -30.0, -31.0]])
+    for bearing in np.linspace(0, math.tau, 25):
+        post = [distance * math.cos(bearing), distance * math.sin(bearing), 0.002]
+        assert found(scene(wall, np.array([post])), 1) == {(1,): pytest.approx(2 * (distance - 0.002))}
+
+
+def exact_echo(radius: float, distance: float, apart: float, reflectance: float) -> complex:
+    """Return the echo of a cylinder for a line source, both ends at `distance` (m), relative to a free source.
+
+    Exact at any distance (Morse and Ingard, ch. 8): the addition theorem of the Hankel function.
+    """
+    k, order = math.tau / WAVELENGTH, np.arange(60)[:, None]
+    # the derivative of the pressure at the surface is -jkβ of the pressure
+    at_surface = 1j * (1 - reflectance) / (1 + reflectance)
+    incident = jvp(order, k * radius) + at_surface * jv(order, k * radius)
+    returned = h1vp(order, k * radius) + at_surface * hankel1(order, k * radius)
+    terms = incident / returned * hankel1(order, k * distance) ** 2
+    return complex((np.where(order == 0, 1, 2) * terms * np.cos(order * apart)).sum())
+
+
+@pytest.mark.parametrize("diameter", [0.001, 0.002, 0.003, 0.004])
+@pytest.mark.parametrize(("incidence", "reflectance"), [(0.0, 1.0), (0.5, 1.0), (1.0, 1.0), (0.0, 0.5), (0.5, 0.1)])
+def test_a_thin_post_is_as_strong_as_the_exact_wave(diameter: float, incidence: float, reflectance: float) -> None:
+    distance, radius, k = 0.8, diameter / 2, math.tau / WAVELENGTH
+
+    def excess(half: float) -> float:
+        return math.atan2(distance * math.sin(half), distance * math.cos(half) - radius) - incidence
+
+    half = brentq(excess, 0.0, incidence) if incidence else 0.0
+    leg = math.hypot(distance * math.cos(half) - radius, distance * math.sin(half))
+    by_rays = math.sqrt(2 * leg / (2 * leg + 2 * leg**2 / (radius * math.cos(incidence))))
+    # time runs the other way in these Hankel functions
+    exact = np.conj(-exact_echo(radius, distance, 2 * half, reflectance) / hankel1(0, k * 2 * leg)) / by_rays
+    ours = reflectance * cylinder_factor(np.array([k * radius]), np.array([incidence]), np.array([reflectance]))[0]
+    assert 20 * math.log10(abs(ours / exact)) == pytest.approx(0.0, abs=0.15)
+    assert np.angle(ours / exact) == pytest.approx(0.0, abs=0.03)
+
+
+@pytest.mark.parametrize("radius", [0.001, 0.0254, 0.0256])
+def test_the_gain_of_a_path_contains_the_factor_of_thin_posts_only(radius: float) -> None:
+    room = scene(np.array([[-30.0, -30.0, -30.0, -31.0]]), np.array([[1.0, 0.5, radius]]))
+    paths = find_paths(room, HERE, PathSearch(21.4, WAVELENGTH))
+    away = math.hypot(1.0, 0.5) - radius
+    exact = cylinder_factor(np.array([math.tau / WAVELENGTH * radius]), np.zeros(1), np.ones(1))[0]
+    factor = abs(exact) if radius < 0.0255 else 1.0
+    assert paths.gains == pytest.approx(factor * math.sqrt(radius / (radius + away)))
+
+
+def test_sound_goes_from_a_thin_post_to_an_edge_at_every_bearing() -> None:
+    wall, post = np.array([[4.0, 1.0], [4.5, 2.0]]), np.array([5.0, 0.0])
+    for bearing in np.radians(np.arange(10.0, 11.0, 0.1)).tolist():
+        turn = np.array([[math.cos(bearing), math.sin(bearing)], [-math.sin(bearing), math.cos(bearing)]])
+        room = scene((wall @ turn).reshape(1, 4), np.array([[*(post @ turn), 0.002]]))
+        paths = find_paths(room, HERE, PathSearch(21.4, WAVELENGTH, faintest_diffraction=1e-7))
+        by_both = paths.select(np.flatnonzero((paths.edges >= 0) & (paths.bounces == 1)))
+        # to the post and back from the edge, and the reverse, for each end of the wall
+        assert len(by_both) == 4
+        nearest = math.dist(wall[0], post) + math.hypot(*wall[0]) + 5.0
+        assert by_both.lengths[0] == pytest.approx(nearest, abs=0.004)
+
+
+# Sound past obstacles.
+
+
+WALL_AHEAD = (1.0, -9.0, 1.0, 9.0)
+
+
+ORIGIN = np.zeros(2)
+
+
+Walls = list[tuple[float, float, float, float]]
+
+
+def past(walls: Walls, posts: list[tuple[float, float, float]]) -> float:
+    """Return the level of the wall 1 m ahead of the origin past other walls and posts, dB relative to the bare wall."""
+    return level_near([WALL_AHEAD, *walls], posts, ORIGIN, 2.0)
+
+
+def across(ahead: float, low_mm: float, high_mm: float) -> tuple[float, float, float, float]:
+    return ahead, low_mm / 1000, ahead, high_mm / 1000
+
+
+@pytest.mark.parametrize(
+    ("walls", "posts"),
+    [
+        ([], [(0.25, 0.0, 0.0015)]),
+        ([across(0.25, -5, 5)], []),
+        ([across(0.4, 6, 26)], []),
+    ],
+)
+def test_a_wall_past_posts_and_strips_is_as_loud_as_the_wave(
+    walls: Walls, posts: list[tuple[float, float, float]]
+) -> None:
+    scene = RigidScene([[wall[:2], wall[2:]] for wall in walls], posts, mirror=1.0)
+    assert past(walls, posts) == pytest.approx(level_of_wall(scene), abs=1.0)
+
+
+def by_knife_edges(short_mm: float, ahead: float) -> float:
+    """Return the level of the wall past a half plane that ends short of the line to it, or beyond, by Kirchhoff.
+
+    The plane and its image are two screens. The integral over the heights in both, which oscillates, is turned into the
+    complex plane: heights y = h ± t exp(-jπ/4) from the edge on.
+    """
+    between, height = 2.0 - 2 * ahead, -short_mm / 1000
+    width = math.sqrt(WAVE * ahead)
+    node, weight = np.polynomial.legendre.leggauss(160)
+    t, share = 4 * width * (node + 1), 4 * width * weight
+    y = height + t * np.exp(-0.25j * math.pi)
+    first, second = y[:, None], y[None, :]
+    detour = (first**2 + second**2) / (2 * ahead) + (first - second) ** 2 / (2 * between)
+    total = (share[:, None] * share * np.exp(-1j * WAVENUMBER * detour - 0.5j * math.pi)).sum()
+    return 20 * math.log10(abs(total) * math.sqrt(2.0 / (ahead**2 * between)) / WAVE)
+
+
+@pytest.mark.parametrize("short_mm", [15, 2, -7, -25])
+def test_a_wall_past_the_edge_of_a_door_is_as_loud_as_past_two_screens(short_mm: float) -> None:
+    # screens have no faces: in deep shadow, a rigid door is up to 1 dB fainter
+    assert past([across(0.4, -400, -short_mm)], []) == pytest.approx(by_knife_edges(short_mm, 0.4), abs=1.0)
+
+
+def test_no_millimetre_decides_between_the_wall_and_silence() -> None:
+    """A strip, a post and the edge of a door are moved across the line to the wall."""
+    for scene in (
+        lambda y: past([across(0.3, y - 15, y + 15)], []),
+        lambda y: past([], [(0.3, y / 1000, 0.012)]),
+        lambda y: past([across(0.3, -400, y)], []),
+    ):
+        levels = [scene(y) for y in range(-30, 16)]
+        assert min(levels) > -30
+        # beside a deep minimum, a sum of several ways changes fast, but no faster
+        assert max(abs(b - a) for a, b in itertools.pairwise(levels)) < 2.5
+
+
+def cluttered() -> tuple[np.ndarray, np.ndarray]:
+    """Return a room with legs, a cable and two screens: walls and posts."""
+    corners = np.array([(-1.0, -0.9), (1.3, -0.9), (1.3, 1.1), (-1.0, 1.1)])
+    walls = np.hstack((corners, np.roll(corners, -1, axis=0)))
+    screens = np.array([[0.5, 0.1, 0.52, 0.14], [-0.4, 0.5, -0.9, 0.55]])
+    posts = np.array([[0.3, -0.4, 0.02], [0.45, -0.62, 0.012], [-0.5, -0.2, 0.002], [0.1, 0.6, 0.006]])
+    return np.vstack((walls, screens)), posts
+
+
+def levels(paths: Paths) -> np.ndarray:
+    """Return the length, gain and phase of all paths over -50 dB, shortest and loudest first."""
+    loud = np.flatnonzero(paths.gains > 10 ** (-50 / 20))
+    turns = np.exp(1j * paths.phases[loud])
+    rows = np.column_stack((np.round(paths.lengths[loud], 7), paths.gains[loud], turns.real, turns.imag))
+    return rows[np.lexsort((np.round(rows[:, 1], 6), rows[:, 0]))]
+
+
+def turned_room(angle: float) -> Room:
+    walls, posts = cluttered()
+    turn = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
+    return room_of((walls.reshape(-1, 2) @ turn).reshape(-1, 4), np.column_stack((posts[:, :2] @ turn, posts[:, 2])))
+
+
+SEARCH_PAST = PathSearch(5.0, WAVE, max_bounces=3, faintest_diffraction=1e-3)
+
+
+def test_turning_the_room_changes_no_path() -> None:
+    straight = levels(find_paths(turned_room(0.0), (0.0, 0.0), SEARCH_PAST))
+    turned = levels(find_paths(turned_room(math.radians(17.3)), (0.0, 0.0), SEARCH_PAST))
+    assert len(straight) > 50
+    assert turned == pytest.approx(straight, abs=1e-6)
+
+
+def test_exchanging_both_ends_changes_no_path() -> None:
+    room, here, there = turned_room(0.0), (0.0, 0.0), (0.2, 0.3)
+    out = levels(find_paths(room, here, SEARCH_PAST, there))
+    assert len(out) > 50
+    assert levels(find_paths(room, there, SEARCH_PAST, here)) == pytest.approx(out, abs=1e-6)
+
+
+# Limits that hold before memory is allocated.
+
+
+def test_too_many_rays_and_reflections_are_refused_before_memory_is_allocated() -> None:
+    room = room_of([(0, 0, 2, 0), (2, 0, 2, 2), (2, 2, 0, 2), (0, 2, 0, 0)])
+    search = PathSearch(max_length=1.0, wavelength=0.007, rays=1_000_000, max_bounces=1000)
+    with pytest.raises(InputError, match="1000000 rays with up to 1000 reflections each: expected at most 100000000"):
+        find_paths(room, (1.0, 1.0), search)
+
+
+def test_too_many_paths_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    corridor = room_of([(-50, 0, 50, 0), (-50, 1, 50, 1)])
+    search = PathSearch(max_length=200.0, wavelength=0.007, max_bounces=500, diffraction=False)
+    # image sources: k reflections in a corridor 1 m wide give two paths of about k m, one for each first wall
+    assert len(find_paths(corridor, (0.0, 0.4), search)) == 400
+    monkeypatch.setattr(path_table, "MOST_POINTS", 40 * 42)
+    with pytest.raises(
+        InputError, match=r"^too many paths: \d+ or more, .* at most 1680 points in all, .*shorter range"
+    ):
+        find_paths(corridor, (0.0, 0.4), search)
+
+
+def test_too_many_paths_past_edges_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    corridor = room_of([(-1, 0, 1, 0), (-1, 1, 1, 1)])
+    search = PathSearch(max_length=40.0, wavelength=0.007, faintest_diffraction=1e-4)
+    found = find_paths(corridor, (0.0, 0.4), search)
+    bent, points = int((found.edges >= 0).sum()), found.points.shape[1]
+    # with n paths to an edge there are about n² past it, so these are the first to be too many
+    assert bent > 5 * (found.edges < 0).sum()
+    monkeypatch.setattr(path_table, "MOST_POINTS", bent * points - 1)
+    with pytest.raises(InputError, match=rf"^too many paths: \d+ or more, with up to {points} points each"):
+        find_paths(corridor, (0.0, 0.4), search)
+    monkeypatch.setattr(path_table, "MOST_POINTS", 2 * len(found) * points)
+    assert len(find_paths(corridor, (0.0, 0.4), search)) == len(found)
+
+
+# The axes of two transducers.
+
+
+Floats = NDArray[np.float64]
+
+
+KA = 17.3
+
+
+FAINTEST = 3e-4
+
+
+SENDER, LISTENER = (1.72, 1.23), (1.80, 1.20)  # on the laboratory's bench
+
+
+def with_body(room: Room) -> Room:
+    """Return the room with a round body, like that of a ring of sensors, beside both transducers."""
+    return with_post(room, (1.76, 1.16, 0.03), "body", 0.95)
+
+
+def amplitudes(paths: Paths, leaving: float, arriving: float) -> Floats:
+    return np.asarray(
+        paths.gains * beam_gain(paths.departures - leaving, KA) * beam_gain(paths.arrivals - arriving, KA)
+    )
+
+
+def as_rows(paths: Paths) -> Floats:
+    angles = (f(a) for a in (paths.departures, paths.arrivals) for f in (np.cos, np.sin))
+    return np.column_stack((paths.lengths, paths.gains, *angles))
+
+
+@pytest.mark.parametrize("strength", EdgeStrength)
+@pytest.mark.parametrize(("leaving_deg", "turned_deg"), [(10.0, 0.0), (100.0, 120.0)])
+def test_no_detectable_path_is_dropped(strength: EdgeStrength, leaving_deg: float, turned_deg: float) -> None:
+    room = with_body(load_room("rooms/laboratory.toml"))
+    leaving, arriving = math.radians(leaving_deg), math.radians(leaving_deg + turned_deg)
+    search = PathSearch(9.0, 0.007, edge_strength=strength, faintest_diffraction=3e-3)
+    axes = TransducerAxes(leaving, arriving, KA, FAINTEST)
+    every = find_paths(room, SENDER, search, LISTENER)
+    detected = as_rows(every.select(np.flatnonzero(amplitudes(every, leaving, arriving) >= FAINTEST)))
+    found = find_paths(room, SENDER, replace(search, axes=axes), LISTENER)
+    distances, _ = cKDTree(as_rows(found)).query(detected)
+    assert len(detected) > 10
+    assert distances.max() < 1e-6
+    assert len(found) < len(every) / 2

@@ -1,0 +1,386 @@
+"""Predicted scans: the paper's figures, sums of arrivals, many poses at once, and the fake scanner."""
+
+import math
+from dataclasses import replace
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+import pytest
+from sonarhw_sim import Ring
+from sonarhw_sim.air import Air, EdgeStrength, Model, Receiver, Unit, absorption
+from sonarhw_sim.board.beam import BoolArray, beam, beam_gain, beam_table, sums_of_arrivals, together
+from sonarhw_sim.board.profile import Board, Mount, load_board
+from sonarhw_sim.predict.predicted_scan import PredictedScan, nearest_paths
+from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, predict_with
+from sonarhw_sim.predict.room_echoes import plate_echo
+from sonarhw_sim.room.room import Place, Room, load_room, parse_room, with_material
+
+import sonarhw
+from sonarhw import InputError
+from sonarhw.readings import FloatArray
+from tests.fixtures.rooms_for_tests import room_of
+
+ROOM = load_room("rooms/simple.toml")
+
+
+PAPER = load_board("paper")
+
+
+def predict(place: str, *degrees: float, unit: Unit = Unit.PASS) -> PredictedScan:
+    return predict_scan(ROOM, ROOM.places[place], PAPER, np.radians(degrees), PredictionOptions(unit=unit))
+
+
+@pytest.mark.parametrize(
+    ("heading", "distance", "via"),
+    [
+        (90, 0.657, ("top",)),
+        (270, 0.827, ("bottom", "top", "bottom")),  # the false wall of figure 9
+        (140, math.hypot(0.774, 0.657), ("top", "left")),  # the upper left corner, as a wall
+    ],
+)
+def test_figure_9(heading: float, distance: float, via: tuple[str, ...]) -> None:
+    scan = predict("figure9", heading)
+    assert scan.ranges[0] == pytest.approx(distance, abs=1e-9)
+    assert scan.paths.via(int(scan.winners[0]), ROOM) == via
+
+
+def test_near_wall_of_figure_9_lies_within_blanking() -> None:
+    blanked = predict("figure9", 270).ping(0).blanked_echoes
+    assert blanked[0].range == pytest.approx(0.085)
+
+
+def test_figure_8_reads_past_the_unit_only_if_sound_passes_it() -> None:
+    passing, blocking = predict("figure7", 0), predict("figure7", 0, unit=Unit.BLOCK)
+    assert passing.ranges[0] == pytest.approx(1.022)
+    assert passing.paths.via(int(passing.winners[0]), ROOM) == ("right", "left", "right")
+    assert not any(echo.range == pytest.approx(1.022) for echo in blocking.ping(0).echoes)
+
+
+@pytest.mark.parametrize("place", ["figure12", "figure13"])
+def test_right_angle_corner_is_a_wall_with_one_hole_at_each_side(place: str) -> None:
+    room = load_room("rooms/right_corner.toml")
+    scan = predict_scan(room, room.places[place], PAPER, np.radians(np.arange(-30, 120, 3.0)))
+    corner = next(k for k in range(len(scan.paths)) if len(scan.paths.via(k, room)) == 2)
+    detected = [(first >= 0, first == corner) for first in scan.winners]
+    runs = [key for key, _ in groupby(detected)]
+    at = runs.index((True, True))
+    assert runs[at - 2 : at + 3] == [(True, False), (False, False), (True, True), (False, False), (True, False)]
+    reach = math.dist(room.places[place].position, (0.8, 0.8))
+    assert np.nanmax(np.abs(scan.ranges[scan.winners == corner] - reach)) < 1e-9
+
+
+def test_no_echo_within_blanking_beyond_the_range_or_below_the_threshold() -> None:
+    board = replace(PAPER, max_range=1.5)
+    scan = predict_scan(ROOM, ROOM.places["figure9"], board, np.radians(np.arange(0, 360, 1.0)))
+    ranges = scan.ranges[~np.isnan(scan.ranges)]
+    assert ranges.min() >= board.blanked_range(ROOM.air)
+    assert ranges.max() <= 1.5
+    levels = [scan.ping(k).levels[winner] for k, winner in enumerate(scan.winners) if winner >= 0]
+    assert min(levels) >= board.threshold_db
+    assert np.isnan(scan.ranges).any()
+
+
+def test_fixed_gain_leaves_spreading_and_absorption_in_the_level() -> None:
+    board = replace(load_board("hc-sr04"), fixed_gain=True)
+    for ahead in (0.25, 0.5, 1.0, 2.0):
+        room = room_of(np.array([[ahead, -5.0, ahead, 5.0]]))
+        scan = predict_scan(room, Place("here", (0.0, 0.0)), board, np.zeros(1))
+        length = 2 * ahead
+        lost = 20 * math.log10(length) + absorption(board.frequency, room.air) * (length - 1)
+        assert scan.ping(0).echoes[0].level_db == pytest.approx(20 * math.log10(room.reflectances[0]) - lost, abs=1e-9)
+
+
+def test_search_heading_by_heading_finds_all_echoes_with_a_fixed_gain() -> None:
+    board = replace(load_board("hc-sr04"), fixed_gain=True, threshold_db=-16.0)
+    off_axis = replace(board, mount=Mount(ahead=1e-9))
+    arena, headings = load_room("rooms/arena.toml"), np.radians(np.arange(0, 360, 11.0))
+    together, by_heading = (predict_scan(arena, arena.places["p1"], b, headings) for b in (board, off_axis))
+    assert by_heading.ranges == pytest.approx(together.ranges, abs=1e-6, nan_ok=True)
+    assert 3 < np.isnan(together.ranges).sum() < len(headings) / 2
+
+
+def test_an_edge_is_a_reflection_in_the_model_of_single_reflections() -> None:
+    """Sound reflected by one wall and bent by the end of another is left out, whichever the end."""
+    room = room_of([[1.0, -1.0, 1.0, 0.3], [-1.0, -2.0, -1.0, 2.0]])
+    place, board, headings = Place("here", (0.0, 0.0)), replace(PAPER, threshold_db=-120.0), np.zeros(1)
+    every = predict_with(Model.RAY_FOLLOWING, room, place, board, headings).paths
+    single = predict_with(Model.KUC_SIEGEL, room, place, board, headings).paths
+    touched = every.bounces + (every.edges >= 0)
+    assert set(every.edges[touched > 1].tolist()) >= {0, 2, 3}
+    assert (len(single), (single.bounces + (single.edges >= 0)).max()) == ((touched <= 1).sum(), 1)
+
+
+@pytest.mark.parametrize("ka", [5.8, 17.33])
+def test_beam_between_the_nodes_of_its_table_is_the_closed_form(ka: float) -> None:
+    angles = np.linspace(-math.pi, math.pi, 2001)
+    interpolated = [beam(math.cos(angle), ka, beam_table(ka)) for angle in angles]
+    assert interpolated == pytest.approx(beam_gain(angles, ka), abs=1e-8)
+
+
+def test_noise_depends_on_the_heading_only_and_is_the_same_after_a_full_turn() -> None:
+    options = PredictionOptions(noise=0.01, receiver=Receiver.BOARD)
+    board = load_board("polaroid-6500")
+
+    def noise(*headings: float) -> list[FloatArray]:
+        scan = predict_scan(ROOM, ROOM.places["figure9"], board, np.array(headings), options)
+        quiet = replace(scan, noise=0.0)
+        return [
+            np.asarray(scan.ping(k).signal(0.02).envelope().samples - quiet.ping(k).signal(0.02).envelope().samples)
+            for k in range(len(headings))
+        ]
+
+    (alone,), (first, other, turned) = noise(0.5), noise(0.5, 0.5001, 0.5 + math.tau)
+    assert np.abs(alone).max() > 0.001
+    np.testing.assert_allclose(first, alone, atol=1e-12)
+    np.testing.assert_allclose(turned, alone, atol=1e-9)
+    assert abs(np.corrcoef(other, alone)[0, 1]) < 0.5
+
+
+# Arrivals that coincide are added with their phases.
+
+
+BOARD = load_board("polaroid-6500")
+
+
+ALONE = replace(BOARD, sum_arrivals=False)
+
+
+WAVELENGTH = 0.007
+
+
+ORIGIN = Place("here", (0.0, 0.0))
+
+
+def corner(opening_deg: float, distance: float = 1.0, from_floor_deg: float = 20.0) -> Room:
+    """Return two long walls with air between them; the place is `distance` from the vertex."""
+    towards = math.radians(from_floor_deg)
+    x, y = -distance * math.cos(towards), -distance * math.sin(towards)
+    opening = math.radians(opening_deg)
+    return room_of([(x, y, x + 3.0, y), (x, y, x + 3.0 * math.cos(opening), y + 3.0 * math.sin(opening))])
+
+
+def scan_at(room: Room, heading: float, board: Board = BOARD, **options: Any) -> PredictedScan:
+    return predict_scan(room, ORIGIN, board, np.array([heading]), PredictionOptions(**options))
+
+
+def test_path_and_its_reverse_are_6_db_louder_than_one_of_them() -> None:
+    room = corner(60.0)
+    everything = scan_at(room, 0.0)
+    pair = [
+        k for k in range(len(everything.paths)) if everything.paths.bounces[k] == 2 and everything.paths.edges[k] < 0
+    ]
+    assert len(pair) == 2
+    assert everything.paths.lengths[pair[0]] == pytest.approx(everything.paths.lengths[pair[1]])
+    heading = float(np.angle(np.exp(1j * everything.paths.departures[pair]).sum()))
+    both, alone = scan_at(room, heading), scan_at(room, heading, ALONE)
+    row = next(k for k in range(len(both.paths)) if both.paths.bounces[k] == 2 and both.paths.edges[k] < 0)
+    assert both.ping(0).levels[row] - alone.ping(0).levels[row] == pytest.approx(20 * math.log10(2), abs=0.05)
+
+
+@pytest.mark.parametrize(("sequence", "opening"), [(("w0", "w1"), 90.0), (("w0", "w1", "w0"), 45.0)])
+def test_path_that_retraces_itself_counts_once(sequence: tuple[str, ...], opening: float) -> None:
+    room = corner(opening, 0.8, 15.0)
+    paths = scan_at(room, 0.0).paths
+    rows = [k for k in range(len(paths)) if paths.via(k, room) in (sequence, sequence[::-1])]
+    assert len(rows) == 1
+    towards = float(paths.departures[rows[0]])
+    both, alone = scan_at(room, towards), scan_at(room, towards, ALONE)
+    row = next(k for k in range(len(both.paths)) if both.paths.via(k, room) == sequence)
+    assert both.ping(0).levels[row] == pytest.approx(alone.ping(0).levels[row], abs=0.01)
+
+
+def test_reading_is_that_of_the_loudest_of_its_arrival_and_has_the_level_of_the_sum() -> None:
+    # an edge 1 mm of path before the wall is over the threshold only because the wall is
+    room = room_of([(1.0, -2.0, 1.0, 2.0), (0.9985, 0.05, 0.9985, 2.0)])
+    scan = scan_at(room, 0.0, receiver=Receiver.FIRST_ECHO)
+    paths = scan.paths
+    assert paths.via(0, room) == ("w1/",)
+    assert paths.via(int(scan.winners[0]), room) == ("w0",)
+    assert scan.distances[0] == pytest.approx(1.0)
+    echo = scan.ping(0).echoes[0]
+    assert echo.path == scan.winners[0]
+    assert scan.ping(0).level_of_reading == pytest.approx(echo.level_db)
+
+
+@pytest.mark.parametrize(("apart", "sums"), [(0.0, (2, 2)), (0.25, (2**0.5, 1)), (0.5, (0, 1)), (1.01, (1, 1))])
+def test_sum_depends_on_the_difference_of_the_paths_in_wavelengths(apart: float, sums: tuple[float, float]) -> None:
+    lengths = 2.0 + np.array([0.0, apart]) * WAVELENGTH
+    added, _ = sums_of_arrivals(np.ones(2), together(lengths, np.zeros(2), WAVELENGTH, BOARD))
+    assert added == pytest.approx(sums, abs=1e-9)
+    alone, _ = sums_of_arrivals(np.ones(2), together(lengths, np.zeros(2), WAVELENGTH, ALONE))
+    assert alone == pytest.approx([1, 1])
+
+
+def test_profile_of_the_paper_detects_each_path_alone() -> None:
+    for name in ("paper", "paper-b12"):
+        board = load_board(name)
+        assert board.edge_strength is EdgeStrength.PAPER
+        assert not board.sum_arrivals
+    assert BOARD.edge_strength is EdgeStrength.UNIFORM
+    room = corner(60.0)
+    alone = scan_at(room, 0.3, load_board("paper"))
+    amplitudes = alone.paths.gains
+    levels = alone.ping(0).levels
+    assert (levels <= 20 * np.log10(amplitudes) + 1e-9).all()
+
+
+# The echo nearest to a measured range.
+
+
+REACH = 0.05
+
+
+FIGURE_9 = ROOM.place("figure9")
+
+
+HEADINGS = np.radians(np.arange(0.0, 360.0, 15.0))
+
+
+# turned boards and rough walls have other paths at each heading
+OWN_PATHS = predict_scan(ROOM, FIGURE_9, BOARD, HEADINGS, PredictionOptions(Unit.REFLECT, max_bounces=3))
+
+
+ROUGH = predict_scan(with_material(ROOM, ROOM.materials[0], 0.9, scatter=0.3), FIGURE_9, BOARD, HEADINGS)
+
+
+def nearest_of(scan: PredictedScan, row: int, measured: float) -> int:
+    """Return the path of the nearest of all echoes at a heading; -1: none within REACH."""
+    echoes = [echo for echo in scan.ping(row).echoes if abs(echo.range - measured) <= REACH]
+    return min(echoes, key=lambda echo: abs(echo.range - measured)).path if echoes else -1
+
+
+@pytest.mark.parametrize(
+    "scan",
+    [
+        predict_scan(ROOM, FIGURE_9, BOARD, HEADINGS),
+        predict_scan(ROOM, FIGURE_9, BOARD, HEADINGS, PredictionOptions(Unit.BLOCK, max_bounces=4)),
+        predict_scan(ROOM, FIGURE_9, replace(BOARD, rounding=0.01), HEADINGS),
+        OWN_PATHS,
+        ROUGH,
+    ],
+    ids=["arrivals added", "face blocks", "whole centimetres", "own paths", "rough walls"],
+)
+def test_the_nearest_echo_is_that_of_a_search_among_all(scan: PredictedScan) -> None:
+    rows = np.repeat(np.arange(len(HEADINGS)), 8)
+    measured = np.tile(np.linspace(0.45, 1.2, 8), len(HEADINGS)) + 0.01 * np.sin(np.arange(len(rows)))
+    expected = [nearest_of(scan, *reading) for reading in zip(rows.tolist(), measured.tolist(), strict=True)]
+    assert nearest_paths(scan, rows, measured, REACH).tolist() == expected
+    assert max(expected) > -1
+    assert min(expected) == -1
+
+
+# The echo of a plate.
+
+
+DISTANCE = 1.3
+
+
+ONE_WALL = f"""
+name = "One wall"
+[materials.perfect]
+reflectance = 1.0
+[[walls]]
+name = "wall"
+points = [[{DISTANCE}, -20.0], [{DISTANCE}, 20.0]]
+material = "perfect"
+[places.here]
+position = [0.0, 0.0]
+"""
+
+
+STEP = math.radians(0.1)
+
+
+@pytest.mark.parametrize("name", ["polaroid-6500", "hc-sr04"])
+def test_the_arc_is_that_of_a_predicted_scan(name: str) -> None:
+    room, board = parse_room(ONE_WALL, "one wall"), load_board(name)
+    headings = np.arange(-900, 900) * STEP
+    ranges = predict_scan(room, room.place("here"), board, headings).ranges
+    echo = plate_echo(board, room.air, DISTANCE)
+    assert echo.arc == pytest.approx(lobe(~np.isnan(ranges)), abs=2 * STEP)
+    assert echo.early_arc == pytest.approx(lobe(ranges <= DISTANCE + echo.delay + 0.004), abs=2 * STEP)
+    # at a quarter of the arc to each side, half of the middle is later
+    assert ranges[900 + round(echo.arc / 8 / STEP)] == pytest.approx(DISTANCE + echo.delay, abs=1e-4)
+
+
+def lobe(detected: BoolArray) -> float:
+    """Return the width of the main lobe, rad, from detections at each heading, (1800,)."""
+    right, left = np.flatnonzero(~detected[900:])[0], np.flatnonzero(~detected[:901][::-1])[0]
+    return float((right + left) * STEP)
+
+
+def test_only_the_own_receiver_of_a_board_delays_an_echo_and_faint_ones_more() -> None:
+    own = load_board("polaroid-6500")
+    assert plate_echo(replace(own, receiver=Receiver.FIRST_ECHO), Air(), DISTANCE).delay == 0
+    delays = [plate_echo(own, Air(), DISTANCE, level).delay for level in (6, 0, -6)]
+    assert 0.001 < delays[0] < delays[1] < delays[2] < 0.01
+
+
+# Many poses at once.
+
+
+TWELVE = np.arange(12) * np.radians(30)
+
+
+def poses_in(room: Room, count: int, seed: int) -> FloatArray:
+    random, ends = np.random.default_rng(seed), room.walls.reshape(-1, 2)
+    points = random.uniform(ends.min(axis=0) + 0.1, ends.max(axis=0) - 0.1, (20 * count, 2))
+    free = [point for point in points.tolist() if not (room.is_outside(point) or room.posts_at(point))]
+    return np.column_stack((free[:count], random.uniform(-4, 4, count)))
+
+
+def one_by_one(room: Room, board: Board, poses: FloatArray, height: float | None = None) -> FloatArray:
+    ranges = []
+    for x, y, heading in poses.tolist():
+        place = board.faced(sonarhw.Place("", (x, y), heading, height))
+        ranges.append(sonarhw.predict(room, place, board, place.heading + board.turned(TWELVE)).ranges)
+    return np.array(ranges)
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+@pytest.mark.parametrize(
+    ("name", "board", "height", "count"),
+    [
+        ("arena", "hc-sr04", None, 12),
+        ("laboratory", "hc-sr04", None, 8),  # a post, and edges of a panel
+        ("laboratory", "polaroid-6500", None, 2),  # the board's own receiver
+        ("doorstep", "hc-sr04", 0.3, 2),  # floor, and walls of limited height
+    ],
+)
+def test_ranges_are_those_of_single_predictions(name: str, board: str, height: float | None, count: int) -> None:
+    room, profile = sonarhw.load_room(name), replace(sonarhw.load_board(board), home_angle_deg=3.0, axis_x=0.02)
+    poses = poses_in(room, count, seed=3)
+    expected = one_by_one(room, profile, poses, height)
+    ranges = sonarhw.predict_ranges(room, poses, TWELVE, profile, height=height)
+    assert ranges.shape == (count, 12)
+    other = (np.isnan(ranges) != np.isnan(expected)) | (np.abs(ranges - expected) > 0.001)
+    assert np.isfinite(expected).sum() > 2 * count
+    assert other.sum() <= 1
+
+
+def test_a_ring_has_its_own_headings_and_levels_are_over_the_threshold() -> None:
+    room, board = sonarhw.load_room("arena"), sonarhw.load_board("hc-sr04")
+    ring = replace(board, ring=Ring(sensors=6, radius=0.1, interval=0.05))
+    poses = poses_in(room, 2, seed=5)
+    ranges, levels = sonarhw.predict_ranges(room, poses, board=ring, levels=True)
+    assert ranges.shape == levels.shape == (2, 6)
+    x, y, heading = poses[0].tolist()
+    single = sonarhw.predict(room, (x, y, heading), ring)
+    assert np.allclose(ranges[0], single.ranges, equal_nan=True, atol=0.001)
+    assert ((levels >= 0) == np.isfinite(ranges)).mean() > 0.98
+
+
+def test_degrees_are_converted_and_shapes_checked() -> None:
+    room = sonarhw.load_room("arena")
+    pose = poses_in(room, 1, seed=1)
+    degrees = pose * [1, 1, 180 / np.pi]
+    ranges = sonarhw.predict_ranges(room, degrees, np.degrees(TWELVE), degrees=True)
+    assert np.allclose(ranges, sonarhw.predict_ranges(room, pose, TWELVE), equal_nan=True)
+    assert sonarhw.predict_ranges(room, np.empty((0, 3)), TWELVE).shape == (0, 12)
+    assert np.allclose(
+        sonarhw.predict_ranges(room, pose[0, :2], TWELVE + pose[0, 2]), ranges, equal_nan=True, atol=1e-9
+    )
+    for wrong in (np.zeros((2, 4)), [[1, np.nan, 0]], "poses"):
+        with pytest.raises(InputError, match="poses: expected"):
+            sonarhw.predict_ranges(room, wrong, TWELVE)

@@ -1,0 +1,542 @@
+"""Rooms: from arrays, written and read back, with tables of reflectances, and what is probably a mistake in them."""
+
+import copy
+import errno
+import math
+import os
+import pickle
+import re
+from collections.abc import Sequence
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sonarhw_cli.app import run
+from sonarhw_sim import check
+from sonarhw_sim.air import Air, Receiver
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.check import check_room, plan_findings, reason_for_silence
+from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
+from sonarhw_sim.room.room import (
+    Place,
+    Room,
+    facets_of,
+    load_room,
+    parse_room,
+    place_doubts,
+    room_names,
+)
+from sonarhw_sim.room.room import with_material as with_one_material
+from sonarhw_sim.room.room_arrays import room_from_arrays
+from sonarhw_sim.room.room_writing import materials, save_room, with_air, with_material, with_place
+from sonarhw_sim.room.room_writing import with_material as with_written_material
+
+import sonarhw
+from sonarhw.errors import InputError, OutputError
+from tests.checkout import CHECKOUT
+
+SQUARE = [[0, 0], [4, 0], [4, 3], [0, 3]]
+
+
+SEGMENTS = [[SQUARE[k], SQUARE[(k + 1) % 4]] for k in range(4)]
+
+
+WALLS = [[0, 0, 4, 0], [4, 0, 4, 3], [4, 3, 0, 3], [0, 3, 0, 0]]
+
+
+FILE = """
+name = "room"
+[materials.hard]
+reflectance = 0.95
+[[walls]]
+name = "wall"
+points = [[0, 0], [4, 0], [4, 3], [0, 3]]
+closed = true
+material = "hard"
+[[posts]]
+name = "pillar"
+center = [2, 2]
+radius = 0.1
+material = "hard"
+[places.door]
+position = [1, 1]
+heading_deg = 90
+"""
+
+
+class Shape:
+    """An object of another library."""
+
+    __geo_interface__: ClassVar = {"type": "Polygon", "coordinates": [[*SQUARE, SQUARE[0]]]}
+
+
+@pytest.mark.parametrize(
+    "walls",
+    [SQUARE, np.array(SQUARE), [*SQUARE, SQUARE[0]], SEGMENTS, np.array(WALLS), {"wall": SQUARE}, Shape(), [Shape()]],
+)
+def test_all_forms_of_walls_are_those_of_a_file(walls: object) -> None:
+    made = room_from_arrays(walls, {"pillar": [2, 2, 0.1]}, places={"door": (1, 1, np.pi / 2)})
+    read = parse_room(FILE, "room.toml")
+    for name in ("walls", "posts", "reflectances", "scattered", "heights"):
+        assert np.array_equal(getattr(made, name), getattr(read, name))
+    assert np.array_equal(made.edges.points, read.edges.points)
+    assert made.places == read.places
+
+
+def test_reflectances_are_one_or_by_segment_or_by_name() -> None:
+    assert room_from_arrays(SQUARE, [[1, 1, 0.1]], reflectances=0.5).reflectances.tolist() == [0.5] * 5
+    assert room_from_arrays(SQUARE, reflectances=[0.1, 0.2, 0.3, 0.4]).reflectances.tolist() == [0.1, 0.2, 0.3, 0.4]
+    by_name = room_from_arrays({"room": SQUARE, "door": [[1, 1], [2, 1]]}, reflectances={"door": 0.2})
+    assert by_name.reflectances.tolist() == [0.95] * 4 + [0.2]
+    assert by_name.names[-1] == "door"
+
+
+def test_rooms_are_values() -> None:
+    def made() -> Room:
+        return room_from_arrays(SQUARE, [[2, 2, 0.1]], places={"door": (1, 1)})
+
+    room = made()
+    assert room == made() == pickle.loads(pickle.dumps(room)) == copy.deepcopy(room)
+    assert len({room, made()}) == 1
+    assert room != replace(room, walls=room.walls + 0.01)
+    assert room != "room"
+    assert repr(room) == "Room('room', 4 walls, 1 post, places: door)"
+
+
+# Changed and saved rooms.
+
+
+ROOMS = sorted((CHECKOUT / "rooms").glob("*.toml"))
+
+
+SIMPLE_FILE = next(path for path in ROOMS if path.stem == "simple")
+
+
+NAMES = st.text(st.characters(exclude_categories=["Cs", "Cc"]), min_size=1, max_size=12)
+
+
+SHARES = st.floats(0, 1)
+
+
+def assert_same_rooms(one: Room, other: Room, but: tuple[str, ...] = ()) -> None:
+    """Assert that the rooms are equal except for these fields and their text."""
+    for field in fields(Room):
+        if field.name in (*but, "text"):
+            continue
+        first, second = getattr(one, field.name), getattr(other, field.name)
+        if field.name == "edges":
+            assert first.names == second.names
+            np.testing.assert_array_equal(first.points, second.points)
+        elif isinstance(first, np.ndarray):
+            np.testing.assert_array_equal(first, second, err_msg=field.name)
+        else:
+            assert first == second, field.name
+
+
+def comments(text: str) -> list[str]:
+    return [line.partition("#")[2] for line in text.splitlines() if "#" in line]
+
+
+@pytest.mark.parametrize("path", ROOMS, ids=lambda path: path.stem)
+@settings(max_examples=3, deadline=None)
+@given(t=st.floats(-40, 60), h=SHARES, p=st.floats(30, 120), x=st.floats(50, 99), heading=st.floats(-360, 360))
+def test_every_example_room_reads_back_as_changed(
+    path: Path, t: float, h: float, p: float, x: float, heading: float
+) -> None:
+    room = load_room(path)
+    place = Place("elsewhere", (x, -x), np.radians(heading))
+    changed = with_place(with_air(room, Air(t, h, p)), place)
+    assert changed.air == Air(t, h, p)
+    assert changed.places["elsewhere"].position == place.position
+    assert changed.places["elsewhere"].heading == pytest.approx(place.heading, abs=1e-10)
+    assert_same_rooms(parse_room(changed.text, "written"), changed)
+    assert_same_rooms(changed, room, but=("air", "places"))
+    assert {**changed.places, **room.places} == changed.places
+    assert comments(changed.text) == comments(room.text)
+
+
+@settings(max_examples=20, deadline=None)
+@given(name=NAMES, reflectance=SHARES, scatter=SHARES)
+def test_a_material_of_any_name_reads_back(name: str, reflectance: float, scatter: float) -> None:
+    room = with_material(load_room(SIMPLE_FILE), name, reflectance, scatter)
+    one_wall = f'\n[[walls]]\nname = "more"\npoints = [[5.0, 5.0], [6.0, 5.0]]\nmaterial = {_quoted(name)}\n'
+    more = parse_room(room.text + one_wall, "with a wall of it")
+    assert more.materials[-1] == name
+    power = more.reflectances[-1] ** 2 + more.scattered[-1] ** 2
+    assert power == pytest.approx(reflectance**2, rel=1e-12)
+
+
+def test_a_saved_room_loads_and_existing_files_are_not_overwritten(tmp_path: Path) -> None:
+    file = tmp_path / "mine.toml"
+    room = with_air(load_room(SIMPLE_FILE), Air(temperature_c=3.0))
+    save_room(room, file)
+    assert_same_rooms(load_room(file), room)
+    other = replace(room, text="name = 'other'")
+    with pytest.raises(InputError, match=r"mine\.toml: exists already"):
+        save_room(other, file)
+    assert_same_rooms(load_room(file), room)
+    save_room(with_air(room, Air(temperature_c=4.0)), file, overwrite=True)
+    assert load_room(file).air.temperature_c == 4.0
+
+
+@pytest.mark.parametrize("there", [False, True])
+def test_a_room_that_cannot_be_saved_leaves_the_old_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, there: bool
+) -> None:
+    file = tmp_path / "mine.toml"
+    if there:
+        file.write_text("mine")
+
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OutputError, match=r"mine\.toml: No space left on device; delete other files"):
+        save_room(load_room(SIMPLE_FILE), file, overwrite=there)
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["mine"] * there
+
+
+def _quoted(name: str) -> str:
+    return '"' + name.replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
+# Tables of reflectances.
+
+
+ROWS = """
+    { incidence_deg = 60.0, frequency = 50000.0, reflectance = 0.8 },
+    { incidence_deg = 0.0, frequency = 50000.0, reflectance = 0.2 },
+    { incidence_deg = 0.0, frequency = 60000.0, reflectance = 0.4 },
+    { incidence_deg = 60.0, frequency = 60000.0, reflectance = 0.6 },
+"""
+
+
+def room_with(foam: str) -> Room:
+    return parse_room(
+        f"""
+        name = "foam"
+        [materials.foam]
+        {foam}
+        [materials.wood]
+        reflectance = 0.9
+        [[walls]]
+        name = "w"
+        points = [[0.0, 1.0], [1.0, 1.0], [1.0, 0.0]]
+        material = "foam"
+        [[posts]]
+        name = "p"
+        center = [5.0, 5.0]
+        radius = 0.1
+        material = "wood"
+        """,
+        "room.toml",
+    )
+
+
+TABLED = room_with(f"table = [{ROWS}]\nscatter = 0.19")
+
+
+@pytest.mark.parametrize(
+    ("degrees", "frequency", "expected"),
+    [
+        (0.0, 50e3, 0.2),
+        (60.0, 60e3, 0.6),
+        (30.0, 50e3, 0.5),
+        (0.0, 55e3, 0.3),
+        (15.0, 57.5e3, 0.25 * 0.35 + 0.75 * 0.45),  # of the values at 15°: 0.35 at 50 kHz, 0.45 at 60 kHz
+        (85.0, 40e3, 0.8),
+        (85.0, 90e3, 0.6),
+    ],
+)
+def test_values_are_interpolated_and_continue_beyond_the_ends(
+    degrees: float, frequency: float, expected: float
+) -> None:
+    at = TABLED.tables["foam"].at(np.radians([degrees]), np.array([frequency]))
+    assert at == pytest.approx(np.array([[expected]]))
+
+
+def test_surfaces_have_the_largest_value() -> None:
+    assert TABLED.reflectances == pytest.approx([0.8 * 0.9, 0.8 * 0.9, 0.9])
+    assert np.hypot(TABLED.reflectances, TABLED.scattered) == pytest.approx([0.8, 0.8, 0.9])
+    assert list(TABLED.tables) == ["foam"]
+
+
+def test_a_new_reflectance_replaces_the_table_and_a_new_scatter_keeps_it() -> None:
+    for changed in (with_one_material(TABLED, "foam", 0.5, 0.36), with_written_material(TABLED, "foam", 0.5, 0.36)):
+        assert not changed.tables
+        assert changed.reflectances[0] == pytest.approx(0.5 * 0.8)
+    for changed in (with_one_material(TABLED, "foam", None, 0.36), with_written_material(TABLED, "foam", None, 0.36)):
+        assert changed.tables.keys() == {"foam"}
+        assert changed.reflectances[0] == pytest.approx(0.8 * 0.8)
+        assert changed.scattered[0] == pytest.approx(0.8 * 0.6)
+    assert materials(with_written_material(TABLED, "foam", None, 0.36))["foam"].scatter == 0.36
+
+
+# The rooms of the documents.
+
+
+SHELL = """
+[materials.wood]
+reflectance = 0.95
+[[walls]]
+name = "room"
+points = [[0.0, 0.0], [4.0, 0.0], [4.0, 3.0], [0.0, 3.0]]
+closed = true
+material = "wood"
+"""
+
+
+BLOCKS = re.findall(r"```toml\n(.*?)```", (CHECKOUT / "docs/how_to/rooms.md").read_text(), flags=re.DOTALL)
+
+
+@pytest.mark.parametrize(
+    ("place", "range_m"),
+    [
+        ("below", 3.0 - 2.15 - 0.03),  # the near side of the leg
+        ("level", 3.0 - 2.2),  # the edge of the top
+    ],
+)
+def test_the_first_echo_comes_from_the_leg_or_the_top(place: str, range_m: float) -> None:
+    _, table = BLOCKS
+    room = parse_room(f'name = "Table"\n{SHELL}{table}', "table.toml")
+    options = PredictionOptions(receiver=Receiver.FIRST_ECHO)
+    scan = sonarhw.predict(room, place, headings=math.pi, options=options)
+    assert scan.ranges[0] == pytest.approx(range_m, abs=1e-6)
+
+
+# Probable mistakes.
+
+
+BOX = """
+name = "box"
+[materials.m]
+reflectance = 0.9
+[[walls]]
+name = "w"
+points = [[0.0, 0.0], [4.0, 0.0], [4.0, 3.0], [0.0, 3.0]]
+closed = true
+material = "m"
+[[posts]]
+name = "p"
+center = [1.0, 1.0]
+radius = 0.1
+material = "m"
+[places.here]
+position = [2.0, 1.2]
+"""
+
+
+WALL = '[[walls]]\nname = "v"\nmaterial = "m"\npoints = '
+
+
+def lines(text: str) -> list[str]:
+    return [finding.line for finding in check_room(parse_room(text, "own.toml"), load_board("polaroid-6500"))]
+
+
+def test_a_room_without_mistakes_has_no_findings() -> None:
+    assert lines(BOX) == []
+
+
+@pytest.mark.parametrize("name", sorted(set(room_names()) - {"figure2a"}))
+def test_the_plans_of_shipped_rooms_have_no_findings(name: str) -> None:
+    assert list(plan_findings(load_room(name))) == []
+
+
+def test_the_wall_at_40_m_is_too_far_away_as_the_figure_shows() -> None:
+    found = [finding.kind for finding in check_room(load_room("figure2a"), load_board("polaroid-6500"))]
+    assert found == ["place outside", "silence"]
+
+
+@pytest.mark.parametrize(
+    ("more", "line"),
+    [
+        (f"{WALL}[[2.0, 2.0], [3.995, 2.0]]", "walls 'v[0]' and 'w[1]': have a gap of 5 mm at 3.995, 2 m; sound"),
+        (f"{WALL}[[4.0, 3.0], [4.0, 0.0]]", "walls 'w[1]' and 'v[0]': coincide; remove one of them"),
+        (f"{WALL}[[4.0, 1.0], [4.0, 1.5]]", "walls 'w[1]' and 'v[0]': overlap over 500 mm; shorten one of them"),
+        (f"{WALL}[[1.0, 2.0], [1.0005, 2.0]]", "wall 'v[0]': is only 0.5 mm long; remove one of its points"),
+        ('[places.out]\nposition = [5.0, 1.0]', "place 'out': is outside the room, at 5, 1 m; move it into the room"),
+        ('[places.in]\nposition = [3.998, 1.0]', "place 'in': is 2 mm from wall 'w[1]', at 3.998, 1 m; move it away"),
+        (
+            '[[posts]]\nname = "q"\nradius = 0.2\nmaterial = "m"\ncenter = [3.9, 1.0]',
+            "post 'q': overlaps wall 'w[1]' by 100 mm; move the post, or make it smaller",
+        ),
+        (
+            '[[posts]]\nname = "q"\nradius = 0.2\nmaterial = "m"\ncenter = [9.0, 1.0]',
+            "post 'q': is outside the room, at 9, 1 m; move it into the room, or remove it",
+        ),
+        ("[materials.n]\nreflectance = 0.5", "material 'n': no wall, post, floor or ceiling has it; use it"),
+    ],
+)  # fmt: skip
+def test_each_mistake_is_found_once(more: str, line: str) -> None:
+    (found,) = lines(BOX + more)
+    assert found.startswith(line)
+
+
+def test_a_room_in_centimetres_is_found_and_silent() -> None:
+    large = BOX.replace("4.0", "400.0").replace("3.0", "300.0").replace("[2.0, 1.2]", "[200.0, 120.0]")
+    unit, silence = lines(large.replace("[1.0, 1.0]", "[100.0, 100.0]").replace("0.1", "10.0"))
+    assert unit == (
+        "room: is 400 m wide and 300 m deep; are these centimetres (4 by 3 m) or millimetres (0.4 by 0.3 m)? "
+        "expected metres"
+    )
+    assert "the nearest wall is 92 m away, and board 'polaroid-6500' reports at most 10.7 m; are the coord" in silence
+
+
+POST = '[[posts]]\nname = "q"\nmaterial = "m"\ncenter = '
+
+
+def silence(text: str) -> str:
+    room = parse_room(text, "own.toml")
+    return reason_for_silence(room, room.places["here"], load_board("polaroid-6500"))
+
+
+def test_the_distances_that_explain_silence_include_posts() -> None:
+    """From the place to the centre it is √(20² + 170²) = 171 mm in the first room, 20 m in the second."""
+    small = f'name = "r"\n[materials.m]\nreflectance = 0.9\n{WALL}[[0.0, 0.0], [0.05, 0.0]]\n'
+    small += f"{POST}[0.0, 0.2]\nradius = 0.03\n[places.here]\nposition = [0.02, 0.03]\n"
+    assert "the farthest wall is 0.201 m away" in silence(small)
+    large = small.replace("[[0.0, 0.0], [0.05, 0.0]]", "[[30.0, 0.0], [31.0, 0.0]]")
+    assert "the nearest wall is 20 m away" in silence(large.replace("[0.0, 0.2]", "[0.02, 20.03]"))
+
+
+CRATE = f"{WALL}[[2.5, 0.5], [3.1, 0.5], [3.1, 1.0], [2.5, 1.0]]\nclosed = true\n"
+
+
+@pytest.mark.parametrize(
+    "walls",
+    ["[[2.5, 0.5], [3.1, 0.5], [3.1, 1.0], [2.5, 1.0]]", "[[2.0, 0.2], [3.8, 0.2], [3.8, 2.2], [2.0, 2.2]]"],
+    ids=["narrow", "wide as a room"],
+)
+def test_paths_of_a_place_in_a_closed_box_are_not_searched(monkeypatch: pytest.MonkeyPatch, walls: str) -> None:
+    """In a box with lids, of strongly reflecting walls, a search takes a minute and ends with too many paths."""
+    levels = '[floor]\nheight = 0.0\nmaterial = "m"\n[ceiling]\nheight = 2.5\nmaterial = "m"\n'
+    inside = BOX.replace("[2.0, 1.2]", "[2.8, 0.7]\nheight = 0.3")
+    monkeypatch.setattr(check, "predict_scan", lambda *_: pytest.fail("a prediction"))
+    box = walls.replace("]]", "]]\nclosed = true\nheight = [0.0, 0.5]\nlids = true")
+    (found,) = lines(f"{inside}{WALL}{box}\n{levels}")
+    assert found.startswith("place 'here': is inside the object of walls 'v[0]' to 'v[3]', at 2.8, 0.7 m")
+
+
+def test_a_place_above_an_object_or_in_an_inner_room_has_no_finding() -> None:
+    above = BOX.replace("[2.0, 1.2]", "[2.8, 0.7]\nheight = 0.8")
+    assert lines(f"{above}{CRATE}height = [0.0, 0.5]\n") == []
+    inner_room = f"{WALL}[[1.5, 0.5], [3.5, 0.5], [3.5, 2.5], [1.5, 2.5]]\nclosed = true\n"
+    assert lines(BOX + inner_room) == []
+
+
+# Pillars of many walls.
+
+
+Points = Sequence[tuple[float, float]]
+
+
+RECTANGLE = [(0.0, 0.0), (4.0, 0.0), (4.0, 3.0), (0.0, 3.0)]
+
+
+MIDDLE, RADIUS = (2.0, 1.5), 0.15
+
+
+def circle(walls: int, radius: float = RADIUS, middle: tuple[float, float] = MIDDLE) -> list[tuple[float, float]]:
+    turns = [math.tau * k / walls for k in range(walls)]
+    return [(middle[0] + radius * math.cos(turn), middle[1] + radius * math.sin(turn)) for turn in turns]
+
+
+def room_text(*chains: Points, place: tuple[float, float] | None = (1.0, 1.4), more: str = "") -> str:
+    walls = [
+        f'[[walls]]\nname = "w{k}"\npoints = {[list(point) for point in chain]}\nclosed = true\nmaterial = "m"'
+        for k, chain in enumerate(chains)
+    ]
+    stands = [] if place is None else [f"[places.p]\nposition = {list(place)}"]
+    return "\n".join(('name = "Drawn"', "[materials.m]\nreflectance = 0.95", *walls, *stands, more))
+
+
+def drawn(*chains: Points, place: tuple[float, float] | None = (1.0, 1.4), more: str = "") -> Room:
+    return parse_room(room_text(*chains, place=place, more=more), "drawn")
+
+
+@pytest.mark.parametrize("pillar", [circle(12), circle(64), circle(64)[::-1]], ids=["12", "64", "clockwise"])
+def test_a_pillar_of_many_walls_is_a_circle_with_centre_and_radius(pillar: Points) -> None:
+    (found,) = facets_of(drawn(RECTANGLE, pillar))
+    assert found.walls == range(4, 4 + len(pillar))
+    assert found.middle == pytest.approx(MIDDLE)
+    assert found.radius == pytest.approx(RADIUS)
+
+
+STAR = [point for k in range(16) for point in (circle(32, 0.2)[2 * k], circle(32, 0.15)[2 * k + 1])]
+
+
+STAIRS = [(0.1 * (k // 2 + k % 2), 0.1 * (k // 2)) for k in range(30)] + [(0.0, 1.4)]
+
+
+@pytest.mark.parametrize(
+    "chains",
+    [
+        (RECTANGLE, circle(8)),
+        (RECTANGLE, circle(64)[:40]),
+        (RECTANGLE, STAR),
+        (RECTANGLE, STAIRS),
+        (RECTANGLE, [(x, 1.5 + (y - 1.5) / 2) for x, y in circle(64)]),
+        (RECTANGLE, [circle(17)[5 * k % 17] for k in range(17)]),
+        (circle(64, 3.0),),
+        (circle(64, 3.0), [(0.5, 0.5), (1.0, 0.5), (0.7, 0.8)]),
+    ],
+    ids=["octagon", "round bay", "star", "stairs", "ellipse", "chords", "round room", "round room, furnished"],
+)
+def test_other_chains_are_not_circles(chains: Sequence[Points]) -> None:
+    assert facets_of(drawn(*chains)) == ()
+
+
+def test_a_circle_round_a_place_is_a_round_room() -> None:
+    tower, building = circle(64, 1.0), RECTANGLE
+    assert facets_of(drawn(building, tower, place=(2.1, 1.4))) == ()
+    assert len(facets_of(drawn(building, tower, place=(0.5, 0.5)))) == 1
+
+
+def test_a_post_has_echoes_and_the_same_pillar_of_walls_almost_none() -> None:
+    post = f'[[posts]]\nname = "post"\ncenter = {list(MIDDLE)}\nradius = {RADIUS}\nmaterial = "m"'
+    towards, board = np.array([math.atan2(0.1, 1.0)]), load_board("paper")
+    (round_one,), (flat,) = (
+        predict_scan(room, room.places["p"], board, towards).ranges
+        for room in (drawn(RECTANGLE, more=post), drawn(RECTANGLE, circle(64)))
+    )
+    assert round_one == pytest.approx(math.hypot(1.0, 0.1) - RADIUS)
+    assert math.isnan(flat)
+
+
+def test_the_command_warns_in_one_line_with_the_replacement(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "room.toml"
+    file.write_text(room_text(RECTANGLE, circle(64)))
+    for command in ("simulate", "paths"):
+        assert run([command, str(file), *(["--step", "90"] if command == "simulate" else [])]) == 0
+        printed = capsys.readouterr()
+        assert printed.err == (
+            f"sonarhw: warning: {file}: walls 'w1[0]' to 'w1[63]' approximate a circle, but flat walls return almost "
+            "no sound; use [[posts]] with center = [2, 1.5] and radius = 0.15\n"
+        )
+        assert "warning" not in printed.out
+
+
+# Places where no scanner can be.
+
+
+@pytest.mark.parametrize(
+    ("position", "doubts"),
+    [
+        ((2.0, 1.2), ()),
+        ((2.8, 1.1), ()),  # beside the crate
+        (
+            (2.8, 0.7),
+            ("place '2.8,0.7' at 2.8, 0.7 m is inside the object of walls 'v[0]' to 'v[3]' of room 'box'",),
+        ),
+        ((5.0, 2.0), ("place '5,2' at 5, 2 m is outside room 'box'",)),
+    ],
+)
+def test_a_place_outside_the_room_or_inside_a_box_is_doubted(
+    position: tuple[float, float], doubts: tuple[str, ...]
+) -> None:
+    room = parse_room(BOX + CRATE, "box.toml")
+    assert place_doubts(room, room.place(position)) == doubts
