@@ -51,19 +51,6 @@ def complete_place(context: typer.Context, incomplete: str) -> list[str]:
         return []
 
 
-# The demo: a shipped room, a place in it, and the URL of the fake scanner there.
-
-
-ROOM = "laboratory"
-PLACE = "bench"
-_SEED = 1
-
-
-def demo_url(pace: str = "real") -> str:
-    """Return the URL of the fake scanner in the demo room."""
-    return f"fake:{ROOM}?place={PLACE}&seed={_SEED}&pace={pace}"
-
-
 # Format of numbers on the command line: 9 significant digits, and nothing for a missing value.
 
 

@@ -432,6 +432,7 @@ def board(
     combination: BuiltCombination = "mega-polaroid-step-dir",
 ) -> None:
     """Run the firmware on an emulated board. The first line of standard output is its URL."""
+    from sonarhw_compare.scanner_url import DEMO_PLACE, DEMO_ROOM
     from sonarhw_sim.board.profile import load_board
     from sonarhw_sim.predict.room_echoes import RoomEchoes
     from sonarhw_sim.room.room import load_room
@@ -439,9 +440,9 @@ def board(
     from sonarhw.device.emulated_board import emulated_board
     from sonarhw.device.served import read_pace
 
-    room = load_room(options.ROOM)
+    room = load_room(DEMO_ROOM)
     echoes = RoomEchoes(
-        room, room.place(options.PLACE), load_board("hc-sr04" if "-hc-sr04-" in combination else DEFAULT_BOARD), seed
+        room, room.place(DEMO_PLACE), load_board("hc-sr04" if "-hc-sr04-" in combination else DEFAULT_BOARD), seed
     )
     # now, before a client can connect: the emulated board stops while it waits for the echoes of a ping
     echoes.prepare()

@@ -17,7 +17,7 @@ from sonarhw_sim.air import DEFAULT_BOARD
 from sonarhw.errors import InputError, MissingExtra, json_text
 from sonarhw.files import atomic_file
 from sonarhw_cli.inputs import resolve
-from sonarhw_cli.options import LOG, PLACE, ROOM, ROOM_NAME, ForceFiles, PlaceName, demo_url, print_line
+from sonarhw_cli.options import LOG, ROOM_NAME, ForceFiles, PlaceName, print_line
 from sonarhw_cli.outputs import made_folder, refuse_existing_in
 
 if TYPE_CHECKING:
@@ -75,6 +75,8 @@ def gui(
 
 def show_demo() -> int:
     """Open the window on a fake scanner in the demo room."""
+    from sonarhw_compare.scanner_url import demo_url
+
     with _collector_held():
         return _scan(demo_url(), _NOTHING, follows=True)
 
@@ -103,6 +105,8 @@ def _open(sources: list[str], room: str | None, place: str | None, board: str | 
         return _scan(source, request)
     if room_named is not None:
         return _show_room(room_named, request)
+    from sonarhw_compare.scanner_url import demo_url
+
     return _scan(demo_url(), request, resume=request == _NOTHING, follows=True)
 
 
@@ -389,13 +393,14 @@ def _write_result(context: typer.Context, folder: Path, force: bool) -> None:
     from sonarhw_compare.drawings import draw_comparison
     from sonarhw_compare.explain import summary_lines
     from sonarhw_compare.picture_file import write_picture
+    from sonarhw_compare.scanner_url import DEMO_PLACE, DEMO_ROOM, demo_url
 
     from sonarhw_cli.compare import compare_log
     from sonarhw_cli.scan import scan
 
     log, picture, figures = (folder / name for name in FILES)
-    scan(context, demo_url("max"), log, ROOM, PLACE, step=STEP_DEGREES, traces=True, force=force)
-    comparison = compare_log(log, ROOM, PLACE)
+    scan(context, demo_url("max"), log, DEMO_ROOM, DEMO_PLACE, step=STEP_DEGREES, traces=True, force=force)
+    comparison = compare_log(log, DEMO_ROOM, DEMO_PLACE)
     with atomic_file(picture, OPTION, overwrite=force) as file:
         write_picture(draw_comparison(comparison), file, picture.suffix)
     with atomic_file(figures, OPTION, overwrite=force) as file:

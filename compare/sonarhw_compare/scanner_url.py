@@ -164,6 +164,19 @@ def _read_seed(text: str) -> int:
     return int(text)
 
 
+# The demo: a shipped room, a place in it, and the URL of the fake scanner there.
+
+
+DEMO_ROOM = "laboratory"
+DEMO_PLACE = "bench"
+_DEMO_SEED = 1
+
+
+def demo_url(pace: str = "real") -> str:
+    """Return the URL of the fake scanner in the demo room."""
+    return f"{SCHEME}:{DEMO_ROOM}?place={DEMO_PLACE}&seed={_DEMO_SEED}&pace={pace}"
+
+
 # Open a scanner at any URL: `open_scanner` of `sonarhw`.
 #
 # To add a scheme for a device that speaks the wire protocol, add a line to SCHEMES: the function that makes the

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from queue import SimpleQueue
-from typing import Any, TypeAlias
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -546,6 +546,10 @@ class Live:
             self.readings, self.scene, self.meter = (), scene, RateMeter()
             self._submit(Phase.HOMING, scan_and_record(scene, self.settings, takes_board))
 
+    def drop_readings(self) -> None:
+        """Show no readings; the connection and the recording stay."""
+        self.readings, self.scene, self.meter, self._has_own_readings = (), None, RateMeter(), False
+
     def stop(self) -> None:
         """Ask the job to stop."""
         if self._thread is not None:
@@ -646,7 +650,11 @@ def _listened(row: PortRow, stopped: Callable[[], bool]) -> PortRow:
     return replace(row, answer=line.text, proposed_url=line.url or "")
 
 
-ScannerFinder = Callable[[str], ScannerTarget]  # raises SonarError for an invalid URL
+class ScannerFinder(Protocol):
+    """Finds scanners by URL."""
+
+    def __call__(self, url: str, follows: bool = False) -> ScannerTarget:
+        """Return the scanner; `follows`: a fake one that scans in the scene of the plan. Raises SonarError."""
 
 
 class ScannerChoice(QObject):
@@ -693,10 +701,12 @@ class ScannerChoice(QObject):
         if (target := self.find(url)) is not None:
             self.chosen.emit(target)
 
-    def find(self, url: str) -> ScannerTarget | None:
-        """Return the scanner at `url`; None for an invalid URL, which is reported."""
+    def find(self, url: str, follows: bool = False) -> ScannerTarget | None:
+        """Return the scanner at `url`; None for an invalid URL, which is reported. `follows`: see `ScannerFinder`."""
+        if self._find_scanner is None:
+            return None
         try:
-            return self._find_scanner(url) if self._find_scanner is not None else None
+            return self._find_scanner(url, follows=True) if follows else self._find_scanner(url)
         except SonarError as error:
             self._notices.fail(str(error), "connected")
             return None
@@ -769,7 +779,7 @@ class ScannerChoice(QObject):
 FAKE = "fake scanner, hides a post"
 _MEANS = (
     "A fake scanner simulates its room, which deliberately differs from the room file: one additional post, a sensor "
-    "some millimetres away, and air of another temperature. View > Causes searches for the post"
+    "some millimetres away, and air of another temperature. Analyse > Causes searches for the post"
 )
 _FOLLOWS = "Each scan takes the room, the place and the board that are shown when it begins"
 _STAYS = "It stays in its room, at its place and with its board"
@@ -828,9 +838,9 @@ class ScannerPlace:
 
 def place_of(scanner: ScannerTarget | None, shown: Scene) -> ScannerPlace:
     """Return the place of a scanner that is used from now on."""
-    if scanner is None or scanner.scene is None:
+    if scanner is None or (scanner.scene is None and scanner.follow is None):
         return ScannerPlace(shown)
-    return ScannerPlace(scanner.scene, fake=True, follow=scanner.follow)
+    return ScannerPlace(scanner.scene or shown, fake=True, follow=scanner.follow)
 
 
 def _is_same(place: Place, other: Place) -> bool:

@@ -12,8 +12,10 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from PySide6.QtCore import QObject, Qt, QTimer, Signal, Slot
+from sonarhw_compare.scanner_url import demo_url, is_fake
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.compilation import Watcher, watch_compilation
+from sonarhw_sim.room.room_arrays import rectangular_room
 from sonarhw_sim.room.room_writing import save_room
 
 from sonarhw.errors import InputError, SonarError
@@ -24,7 +26,7 @@ from sonarhw_gui.jobs.jobs import CLOSED_WITHIN, Jobs
 from sonarhw_gui.jobs.searches import RoomSearch, Search, find_pose, search_causes
 from sonarhw_gui.model.edits import with_board
 from sonarhw_gui.model.look import Look
-from sonarhw_gui.model.scene import Scene, place_warning, room_name
+from sonarhw_gui.model.scene import Scene, first_place, place_warning, room_name, scene_with
 from sonarhw_gui.model.shown import Shown
 from sonarhw_gui.session.kept import Kept, read_unsaved
 from sonarhw_gui.session.notices import Notice, NoticeButton, Notices, Preparation
@@ -257,6 +259,49 @@ class WindowSession(QObject):
             self.showing.forecast.follow(self.live.readings)
             self.showing.open_notes()
 
+    @Slot()
+    def close_readings(self) -> None:
+        """Show no readings: close the log, or drop those of the last scan, whose recording is kept."""
+        if not self.live.running:
+            self.leave_replay()
+            self.notices.clear()
+            self._drop_readings()
+            self.live.drop_readings()
+            self.showing.forecast.follow(())
+            self.showing.open_notes()
+
+    @Slot()
+    def close_room(self) -> None:
+        """Show the readings without a room; unsaved changes of the room can be restored."""
+        if not self.live.running:
+            self.files.watch("room", None)
+            self.set_scene(scene_with(self.shown.scene.board))
+
+    @Slot(str, float, float)
+    def new_room(self, name: str, width: float, depth: float) -> None:
+        """Show the readings in a new room of four walls, which is in no file yet, with the scanner in its middle."""
+        if self.live.running:
+            return
+        room = rectangular_room(width, depth, name=name)
+        self.files.watch("room", None)
+        self.set_scene(replace(self.shown.scene, room=room, place=first_place(room), room_file=""))
+        self.room_opened.emit()
+
+    @Slot()
+    def watch_demo(self) -> None:
+        """Scan with the fake scanner of the demo, in the demo room."""
+        target = self.scanners.find(demo_url(), follows=True)
+        if target is not None and not self.live.running:
+            self.scanners.chosen.emit(target)
+            self.scan_when_predicted()
+
+    @Slot()
+    def connect_fake(self) -> None:
+        """Use a fake scanner: each of its scans is made in the room that the plan shows, at the place of the sensor."""
+        target = self.scanners.find(demo_url(), follows=True)
+        if target is not None and target.follow is not None:
+            self.scanners.chosen.emit(replace(target, opener=target.follow(self.shown.scene), scene=None))
+
     def set_scene(self, scene: Scene, source: Path | None = None) -> None:
         """Show the readings in another scene; earlier edits can no longer be undone.
 
@@ -396,7 +441,7 @@ class WindowSession(QObject):
         if target.scene is not None:
             self.files.watch("room", None)  # this room is not that of the file
             self.set_scene(target.scene)
-        self.takes_board = target.scene is None
+        self.takes_board = target.scene is None and target.follow is None
         self._scanner_place = place_of(target, self.shown.scene)
         self.live.connect()
 
@@ -404,6 +449,13 @@ class WindowSession(QObject):
     def source(self) -> Source:
         """What the readings shown come from."""
         return self.live if self.replay is None else self.replay
+
+    @property
+    def empty(self) -> bool:
+        """Whether nothing is open: no room, no readings, and no scanner but a fake one."""
+        target = self.live.target
+        nothing = self.shown.scene.room is None and self.replay is None and not self.live.readings
+        return nothing and not self.live.running and (target is None or is_fake(target.url))
 
     @property
     def log_file(self) -> str:

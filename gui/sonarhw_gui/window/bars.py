@@ -4,6 +4,7 @@ from pathlib import Path
 
 from PySide6 import QtWidgets
 from PySide6.QtCore import QMargins, Qt, QTimer, Signal, Slot
+from PySide6.QtGui import QAction
 
 from sonarhw.readings import Origin
 from sonarhw_gui.model.look import LIGHT, Look
@@ -11,7 +12,7 @@ from sonarhw_gui.model.shown import Shown
 from sonarhw_gui.session.notices import Notices
 from sonarhw_gui.session.scanner import FAKE_NOTE
 from sonarhw_gui.session.status import Status
-from sonarhw_gui.widgets import ElidedLabel, FlowLayout, LabelSlot, PlainLabel
+from sonarhw_gui.widgets import ElidedLabel, FlowLayout, LabelSlot, PlainLabel, title_label
 from sonarhw_gui.window.commands import Commands
 
 # The banner: a line above the views with errors, warnings and offers.
@@ -156,6 +157,60 @@ class Hint(QtWidgets.QFrame):
         """Hide the hint for as long as a message needs its place."""
         self._gives_way = wanted
         self.setVisible(self.is_open and not wanted)
+
+
+# The start page: what can be opened, while nothing is.
+
+
+_MOST_RECENT = 5
+_PAGE_WIDTH = 460  # pixels
+_STARTS = ("watch_demo", "new_room", "open_room", "open_log", "import_scan", "connect_scanner")
+
+
+class StartPage(QtWidgets.QScrollArea):
+    """Takes the place of the views while there is no room, no reading and no scanner but a fake one."""
+
+    def __init__(self, commands: Commands, recent: QtWidgets.QMenu) -> None:
+        """`recent`: the menu of recent files."""
+        super().__init__()
+        self.setWidgetResizable(True)
+        self.setFrameShape(QtWidgets.QFrame.Shape.NoFrame)
+        self._recent = recent
+        page = QtWidgets.QWidget()
+        self._files = QtWidgets.QVBoxLayout()
+        column = QtWidgets.QVBoxLayout()
+        column.addStretch(1)
+        column.addWidget(title_label("Start"))
+        for name in _STARTS:
+            column.addWidget(_start_button(commands.actions[name]))
+        column.addLayout(self._files)
+        column.addWidget(PlainLabel("Or drop a file here: a room, a log, or a scan as CSV.", wordWrap=True))
+        column.addStretch(2)
+        row = QtWidgets.QHBoxLayout(page)
+        row.addStretch(1)
+        row.addLayout(column)
+        row.addStretch(1)
+        self.setWidget(page)
+        self.hide()
+
+    def show_state(self, empty: bool) -> None:
+        """Show the page if nothing is open."""
+        if empty and self.isHidden():
+            while (item := self._files.takeAt(0)) is not None:
+                item.widget().deleteLater()
+            for action in self._recent.actions()[:_MOST_RECENT]:
+                self._files.addWidget(_start_button(action, "Open recent: "))
+        self.setVisible(empty)
+
+
+def _start_button(action: QAction, before: str = "") -> QtWidgets.QPushButton:
+    """Return a wide button that runs a command and says what it is for."""
+    button = QtWidgets.QPushButton(f"{before}{action.text()}\n{action.statusTip() or action.data()}")
+    button.setMinimumWidth(_PAGE_WIDTH)
+    button.setStyleSheet("text-align: left; padding: 6px 12px")
+    button.setToolTip(action.toolTip())
+    button.clicked.connect(action.trigger)
+    return button
 
 
 # The status bar: activity, recording file, number and rate of readings, lost readings, temperature, live or replay.

@@ -1,15 +1,18 @@
 """The commands of the window, as one table. Menus, keys, tooltips, palette, help and enabled states follow from it."""
 
+import platform
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from importlib.metadata import version
 from operator import attrgetter
 from typing import cast
 
-from PySide6.QtCore import QByteArray, QObject, QPoint, QRect, QSize, Qt, Slot
+import PySide6
+from PySide6.QtCore import QByteArray, QObject, QPoint, QRect, QSize, Qt, Slot, qVersion
 from PySide6.QtGui import QAction, QActionGroup, QImage, QKeySequence, QPageLayout, QPainter
 from PySide6.QtPrintSupport import QPrinter, QPrintPreviewDialog
-from PySide6.QtWidgets import QMainWindow, QMenu, QMenuBar, QWidget
+from PySide6.QtWidgets import QMainWindow, QMenu, QMenuBar, QMessageBox, QWidget
 from sonarhw_compare.headings import heading_text
 from sonarhw_compare.scans import MOST_CHARACTERS, note_text
 
@@ -20,7 +23,7 @@ from sonarhw_gui.session.session import WindowSession
 from sonarhw_gui.session.showing import ShownModel
 from sonarhw_gui.views.base import View, ViewEntry
 from sonarhw_gui.widgets import show_alone
-from sonarhw_gui.window.dialogs import CommandPalette, ConnectDialog, HelpPage, ask_text, open_dialog
+from sonarhw_gui.window.dialogs import CommandPalette, ConnectDialog, HelpPage, NewRoomDialog, ask_text, open_dialog
 
 _FORMATS = " or ".join(suffix[1:].upper() for suffix in export_suffixes())
 _LARGER = 1.1  # factor of the text size
@@ -70,6 +73,18 @@ def _can_turn(session: WindowSession) -> bool:
 
 def _can_connect(session: WindowSession) -> bool:
     return session.scanners.possible
+
+
+def _can_fake(session: WindowSession) -> bool:
+    return _can_connect(session) and _idle(session) and session.shown.scene.room is not None
+
+
+def _has_room(session: WindowSession) -> bool:
+    return _idle(session) and session.shown.scene.room is not None
+
+
+def _has_readings(session: WindowSession) -> bool:
+    return _idle(session) and (session.replay is not None or bool(session.live.readings))
 
 
 def _replays(session: WindowSession) -> bool:
@@ -127,6 +142,9 @@ def _unit(name: str, unit: LengthUnit, key: str) -> WindowCommand:
 # by the titles of the menus; a text stands for actions that are not in this table
 _MENUS: dict[str, Sequence[WindowCommand | str]] = {
     "File": (
+        WindowCommand(
+            "slots.new_room", "New room…", "Ctrl+N", "Draw a room: name and size, then walls and posts", _idle
+        ),
         WindowCommand("files.open_room", "Open room…", "Ctrl+R", "Show the readings in a room from a file", _idle),
         "shipped rooms",
         WindowCommand("files.open_log", "Open log…", "Ctrl+O", "Open a recorded scan for replay", _idle),
@@ -140,6 +158,14 @@ _MENUS: dict[str, Sequence[WindowCommand | str]] = {
         ),
         WindowCommand(
             "files.save_room_as", "Save room as…", "Ctrl+Shift+S", "Save the room with its edits in another file"
+        ),
+        WindowCommand("session.close_room", "Close room", "Ctrl+Shift+R", "Show readings without a room", _has_room),
+        WindowCommand(
+            "session.close_readings",
+            "Close readings",
+            "Ctrl+Shift+W",
+            "Show no readings; their recording is kept",
+            _has_readings,
         ),
         _LINE,
         WindowCommand("saving.save_view", "Picture of the large view…", "Ctrl+P", "Save the large view as PNG or SVG"),
@@ -167,12 +193,17 @@ _MENUS: dict[str, Sequence[WindowCommand | str]] = {
             "Choose a scanner: a port of this computer, or a URL",
             _can_connect,
         ),
+        WindowCommand(
+            "session.connect_fake",
+            "Fake scanner in this room",
+            "Ctrl+Shift+K",
+            "Scan without hardware: each scan is made in the room and at the place that the plan shows",
+            _can_fake,
+        ),
         _LINE,
         WindowCommand("session.scan", "▶ Scan", "F5", "Home the turntable, scan, record", _can_scan),
         WindowCommand("session.stop", "■ Stop", "F6", "Stop the scanner at once; readings so far are kept", _scans),
         WindowCommand("session.live.home", "Home", "Ctrl+H", "Find the zero of the turntable", _can_turn),
-        _LINE,
-        WindowCommand("find_pose", "Find pose", "Ctrl+J", "Fit the pose of the scanner to its readings"),
     ),
     "Edit": (
         WindowCommand("session.showing.undo", "Undo", "Ctrl+Z", "Undo the last edit", _can_undo, label=_undo),
@@ -203,6 +234,10 @@ _MENUS: dict[str, Sequence[WindowCommand | str]] = {
         ),
     ),
     "": (),  # the menus of the views
+    "Analyse": (
+        WindowCommand("find_pose", "Find pose", "Ctrl+J", "Fit the pose of the scanner to its readings"),
+        "analyses",
+    ),
     "Replay": (
         WindowCommand("slots.toggle", "Play or pause", "Space", "Replay the log, or pause", _replays),
         WindowCommand("slots.step_back", "Step back", ",", "Pause at the previous reading", _replays),
@@ -220,7 +255,7 @@ _MENUS: dict[str, Sequence[WindowCommand | str]] = {
     ),
     "View": (
         "large views",
-        WindowCommand("views.fit", "Fit view", "F", "Show the whole room, all headings and the whole trace"),
+        WindowCommand("views.fit", "Zoom to all", "F", "Show the whole room, all headings and the whole trace"),
         WindowCommand(
             "session.play_sound", "Play sound", "S", "Show the sound of this heading on its way, in slow motion"
         ),
@@ -243,6 +278,10 @@ _MENUS: dict[str, Sequence[WindowCommand | str]] = {
             "hint.show_first_steps", "First steps", "Shift+F1", "What is measured, what is predicted, where to click"
         ),
         WindowCommand("slots.show_palette", "Commands…", "Ctrl+Shift+A", "Search all commands by words, and run one"),
+        WindowCommand(
+            "session.watch_demo", "Demo", "Ctrl+Shift+D", "Watch a fake scanner in the demo room", _can_connect
+        ),
+        WindowCommand("slots.show_about", "About sonarhw", "Ctrl+F1", "The versions of sonarhw, Python and Qt"),
     ),
 }
 
@@ -423,6 +462,15 @@ class CommandSlots(QObject):
         show_alone(open_dialog(window, ConnectDialog) or ConnectDialog(scanners, window))
 
     @Slot()
+    def new_room(self) -> None:
+        """Ask for name and size of a new room."""
+        dialog = open_dialog(self._window, NewRoomDialog)
+        if dialog is None:
+            dialog = NewRoomDialog(self._window)
+            dialog.accepted_as.connect(self._session.new_room)
+        show_alone(dialog)
+
+    @Slot()
     def edit_note(self) -> None:
         """Ask for the note on the selected reading."""
         shown = self._session.shown
@@ -471,10 +519,24 @@ class CommandSlots(QObject):
         show_alone(HelpPage(groups, self._look, self._window, room))
 
     @Slot()
+    def show_about(self) -> None:
+        """Show the versions to name in a report of an error."""
+        box = QMessageBox(QMessageBox.Icon.Information, "About sonarhw", _versions(), parent=self._window)
+        box.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        show_alone(box)
+
+    @Slot()
     def show_palette(self) -> None:
         """Open the palette with all commands of window, views and docks."""
         actions = [action for action in self._window.findChildren(QAction) if _is_command(action)]
         show_alone(CommandPalette(actions, self._window))
+
+
+def _versions() -> str:
+    return (
+        f"sonarhw {version('sonarhw')}\nPython {platform.python_version()}, Qt {qVersion()}, "
+        f"PySide {PySide6.__version__}\n{platform.platform()}\n\nMIT licence"
+    )
 
 
 def draw_page(image: QImage, printer: QPrinter) -> None:

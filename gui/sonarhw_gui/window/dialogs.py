@@ -15,11 +15,12 @@ from sonarhw_gui.jobs.jobs import Jobs
 from sonarhw_gui.model.look import MARKS, Look
 from sonarhw_gui.session.scanner import PortRow, ScannerChoice
 from sonarhw_gui.views.legend import mark_picture
-from sonarhw_gui.widgets import PlainLabel, cell, show_alone, stacked, text_table
+from sonarhw_gui.widgets import NumberField, PlainLabel, cell, show_alone, stacked, text_table
 
 _Dialog = TypeVar("_Dialog", bound=QtWidgets.QDialog)
 _SIZE = 420, 360  # pixels, of the palette
 _WIDTH = 420  # pixels, of a dialog for a note
+_NEW_ROOM = 4.0, 3.0  # m, width and depth that are proposed
 _STEPS = (Qt.Key.Key_Up, Qt.Key.Key_Down, Qt.Key.Key_PageUp, Qt.Key.Key_PageDown)
 
 
@@ -43,6 +44,38 @@ def ask_text(
         dialog.resize(_WIDTH, dialog.sizeHint().height())
     show_alone(dialog)
     return dialog
+
+
+class NewRoomDialog(QtWidgets.QDialog):
+    """Asks for name and size of a new room, which is empty. Not modal."""
+
+    accepted_as = Signal(str, float, float)  # name, width and depth, m
+
+    def __init__(self, parent: QtWidgets.QWidget) -> None:
+        super().__init__(parent)
+        self.setWindowTitle("New room")
+        self.name = QtWidgets.QLineEdit("My room")
+        self.width_field, self.depth_field = NumberField(0.1, 100.0, 2, " m"), NumberField(0.1, 100.0, 2, " m")
+        self.width_field.setValue(_NEW_ROOM[0])
+        self.depth_field.setValue(_NEW_ROOM[1])
+        form = QtWidgets.QFormLayout()
+        form.addRow("Name", self.name)
+        form.addRow("Width, along x", self.width_field)
+        form.addRow("Depth, along y", self.depth_field)
+        self.buttons = QtWidgets.QDialogButtonBox()
+        self.buttons.addButton("Create", QtWidgets.QDialogButtonBox.ButtonRole.AcceptRole)
+        self.buttons.addButton(QtWidgets.QDialogButtonBox.StandardButton.Cancel)
+        hint = PlainLabel("Four walls. Wall and Post in the bar above the plan add more; drag a corner to move it.")
+        hint.setWordWrap(True)
+        stacked(self, form, hint, self.buttons)
+        self.buttons.accepted.connect(self._choose)
+        self.buttons.rejected.connect(self.close)
+        self.name.selectAll()
+
+    @Slot()
+    def _choose(self) -> None:
+        self.close()
+        self.accepted_as.emit(self.name.text().strip() or "room", self.width_field.value(), self.depth_field.value())
 
 
 class CommandPalette(QtWidgets.QDialog):

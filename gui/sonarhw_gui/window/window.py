@@ -23,7 +23,7 @@ from sonarhw_gui.views.base import View
 from sonarhw_gui.views.legend import Legend
 from sonarhw_gui.views.table import BounceLine, Sentence
 from sonarhw_gui.widgets import LabelSlot, arranged, close_dialogs
-from sonarhw_gui.window.bars import Banner, Hint, StatusBar, ToolBar
+from sonarhw_gui.window.bars import Banner, Hint, StartPage, StatusBar, ToolBar
 from sonarhw_gui.window.commands import Commands, CommandSlots, LayoutMenu, offer_view_menus, undo_menu
 from sonarhw_gui.window.dialogs import HelpPage, open_dialog
 from sonarhw_gui.window.file_commands import FileCommands, SaveCommands
@@ -136,6 +136,7 @@ def _derived_name(stop: QtWidgets.QWidget) -> str:
     return above.accessibleName() or above.windowTitle() or type(above).__name__ if above is not None else ""
 
 
+_ANALYSES = ("Causes", "Fit", "Scans", "Find the room")  # docks of the menu Analyse; the others are in View
 _Connection = tuple[Any, Callable[..., object]]  # a signal and its slot
 _SIZE = QSize(1280, 800)
 _FRAME = QSize(16, 48)  # pixels, for the frame of the window
@@ -165,7 +166,7 @@ class MainWindow(TabbedWindow):
         self.bounces, self.hint = BounceLine(), Hint()
         self.replay_bar, self.status_bar = ReplayBar(self.commands, session), StatusBar()
         self.sound_bar = SoundBar(session.sound, self.saving.save_film)
-        self.toolbar = ToolBar(self.commands)
+        self.toolbar, self.start_page = ToolBar(self.commands), StartPage(self.commands, self.files)
         self.docks: list[PanelDock] = []  # as tabs; all are closed initially
         self._look: Look | None = None
         self._open = False  # each part that becomes visible reports it; together, they are updated once
@@ -188,7 +189,9 @@ class MainWindow(TabbedWindow):
         centre = QtWidgets.QWidget()
         sentence, bounces = LabelSlot(self.sentence), LabelSlot(self.bounces)
         above, below = (self.banner, self.legend, self.hint), (sentence, bounces, self.sound_bar, self.replay_bar)
-        arranged(QtWidgets.QVBoxLayout(centre), *above, self.views, *below, rest=self.views)
+        middle = QtWidgets.QWidget()
+        arranged(QtWidgets.QVBoxLayout(middle), self.views, self.start_page)
+        arranged(QtWidgets.QVBoxLayout(centre), *above, middle, *below, rest=middle)
         self.setCentralWidget(centre)
         self.setStatusBar(self.status_bar)
         for name, key, about, panel in (
@@ -205,7 +208,11 @@ class MainWindow(TabbedWindow):
             "shipped rooms": [self.files.shipped.menuAction()],
             "recent files": [self.files.menuAction()],
             "undo steps": [undo_menu(self.session.showing, self).menuAction()],
-            "docks": [*self.views.openers, *self.dock_openers],
+            "analyses": [dock.opener for dock in self.docks if dock.objectName() in _ANALYSES],
+            "docks": [
+                *self.views.openers,
+                *(dock.opener for dock in self.docks if dock.objectName() not in _ANALYSES),
+            ],
             "layouts": [self.layouts.menuAction()],
         }
         self.commands.fill(self.menuBar(), self.views.all, added)
@@ -278,6 +285,9 @@ class MainWindow(TabbedWindow):
     def _show(self, shown: Shown) -> None:
         if shown.look != self._look:
             self._set_look(shown.look)
+        for part in (self.views, self.legend):
+            part.setVisible(not self.session.empty)
+        self.start_page.show_state(self.session.empty)
         self.views.show_large(shown)
         for dock in self.docks:
             dock.show_state(shown)

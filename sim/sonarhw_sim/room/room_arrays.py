@@ -12,7 +12,7 @@ from sonarhw import arguments
 from sonarhw.errors import InputError, counted
 from sonarhw.readings import FloatArray
 from sonarhw_sim.room.room import Place, Room, parse_room, place_at
-from sonarhw_sim.room.room_file import MEETING
+from sonarhw_sim.room.room_file import MAX_COORDINATE, MEETING
 
 Reflectances: TypeAlias = float | ArrayLike | Mapping[str, float]
 
@@ -70,6 +70,20 @@ def room_from_arrays(
     room = parse_room("\n".join(lines) + "\n", "room from arrays")
     _warn_of_centimetres(room)
     return room
+
+
+def rectangular_room(width: float, depth: float, place: Sequence[float] | None = None, *, name: str = "room") -> Room:
+    """Return a room of four walls from (0, 0) to (`width`, `depth`), m, with a place `scanner` for the sensor in it.
+
+    `place` is x and y, m, or x, y and heading, rad; None: the middle. Raises InputError.
+    """
+    if not (0 < width <= MAX_COORDINATE and 0 < depth <= MAX_COORDINATE):
+        raise InputError(f"room of {width} x {depth}: expected lengths above 0 and up to {MAX_COORDINATE:g} m")
+    pose = (width / 2, depth / 2) if place is None else place
+    if not (0 < pose[0] < width and 0 < pose[1] < depth):
+        raise InputError(f"place {pose[0]:g},{pose[1]:g}: expected a point in the room, 0,0 to {width:g},{depth:g}")
+    corners = [[0.0, 0.0], [width, 0.0], [width, depth], [0.0, depth]]
+    return room_from_arrays({"boundary": corners}, places={"scanner": pose}, name=name)
 
 
 def _material(reflectance: float) -> str:

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from sonarhw_cli.options import PLACE, ROOM
+from sonarhw_compare.scanner_url import DEMO_PLACE, DEMO_ROOM
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.room_echoes import RoomEchoes
 from sonarhw_sim.room.room import load_room
@@ -33,8 +33,8 @@ class Heard:
     temperature_c = 21.3
 
     def __init__(self, board: str) -> None:
-        room = load_room(ROOM)
-        self._echoes = RoomEchoes(room, room.place(PLACE), load_board(board), seed=1)
+        room = load_room(DEMO_ROOM)
+        self._echoes = RoomEchoes(room, room.place(DEMO_PLACE), load_board(board), seed=1)
         self._echoes.prepare()
         self.pings: list[tuple[float, tuple[float, ...]]] = []  # degrees, s
 

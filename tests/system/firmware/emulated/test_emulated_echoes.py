@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from sonarhw_cli.options import PLACE, ROOM
 from sonarhw_compare.calibration.plate import calibrate_with_plates
 from sonarhw_compare.calibration.plate_readings import plate_readings
+from sonarhw_compare.scanner_url import DEMO_PLACE, DEMO_ROOM
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.room_echoes import RoomEchoes
 from sonarhw_sim.room.room import Place, load_room
@@ -26,8 +26,8 @@ TIMER_WRAP = 65_536 * 0.5e-6  # s
 
 def demo_echoes() -> RoomEchoes:
     """Return an echo source for the demo room with a fixed seed."""
-    room = load_room(ROOM)
-    echoes = RoomEchoes(room, room.place(PLACE), load_board("polaroid-6500"), seed=1)
+    room = load_room(DEMO_ROOM)
+    echoes = RoomEchoes(room, room.place(DEMO_PLACE), load_board("polaroid-6500"), seed=1)
     echoes.prepare()
     return echoes
 

@@ -47,7 +47,7 @@ def test_menus_list_the_commands_of_views(window: MainWindow) -> None:
         if view.entry.menu:
             assert set(view.actions()) <= set(menus[view.entry.menu].actions())
     shown = [action.text() for action in menus["View"].actions()]
-    assert shown[:4] == ["Plan", "Side by side", "B-scan", "Fit view"]
+    assert shown[:4] == ["Plan", "Side by side", "B-scan", "Zoom to all"]
     kept = [action.text() for action in menus["File"].actions() if action.text().startswith("Picture")]
     assert kept == [f"Picture of the {name}…" for name in ("large view", "trace", "ranges", "window")]
-    assert [*menus] == ["File", "Scan", "Edit", "Plan", "Trace", "Replay", "View", "Help"]
+    assert [*menus] == ["File", "Scan", "Edit", "Plan", "Trace", "Analyse", "Replay", "View", "Help"]
