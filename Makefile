@@ -58,9 +58,9 @@ $(VENV)/compiled_for_demo: $(VENV)/installed
 	$(BIN)/python setup/compile_kernels.py demo
 	touch $@
 
-$(VENV)/tools: $(VENV)/installed requirements/foxglove.txt requirements/ros.txt requirements/study.txt requirements/video.txt requirements/dev.txt
+$(VENV)/tools: $(VENV)/installed requirements/foxglove.txt requirements/rooms.txt requirements/ros.txt requirements/study.txt requirements/video.txt requirements/dev.txt
 	@echo "Installing development tools into $(VENV)"
-	@$(call locked,base foxglove gui ros study video dev)
+	@$(call locked,base foxglove gui rooms ros study video dev)
 	$(BIN)/python -m pip check
 	touch $@
 

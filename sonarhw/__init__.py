@@ -21,7 +21,8 @@ Scan
 Predict
 
 - `load_room`, `room_names`, `save_room`, `Room`, `Place`: rooms and the places of the sensor in them.
-- `room_from_arrays`: a room from polygons, segments and posts.
+- `room_from_arrays`: a room from polygons, segments and posts. `import_room`, `ImportedRoom`: a room from a file of
+  another program.
 - `load_board`, `board_names`, `Board`: board profiles.
 - `predict`, `PredictionOptions`, `PredictedScan`: the prediction of a scan.
 - `predict_ranges`: the ranges at many poses, on all cores.

@@ -24,6 +24,7 @@ from sonarhw_compare.one_call import (
     map_room,
     write_report,
 )
+from sonarhw_compare.room_import.imported import ImportedRoom, import_room
 from sonarhw_compare.scanner_url import open_scanner
 from sonarhw_compare.scans import GivenScan, scan_from_arrays
 from sonarhw_compare.study import load_study, read_study, run_study
@@ -66,6 +67,7 @@ __all__ = [
     "FitOptions",
     "FitResult",
     "GivenScan",
+    "ImportedRoom",
     "InputError",
     "Located",
     "Log",
@@ -100,6 +102,7 @@ __all__ = [
     "explain_reading",
     "find_missing",
     "fit",
+    "import_room",
     "load_board",
     "load_room",
     "load_study",

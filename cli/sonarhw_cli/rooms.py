@@ -1,27 +1,31 @@
-"""`sonarhw room` and `sonarhw profile`: list, write and check room files and board profiles."""
+"""`sonarhw room` and `sonarhw profile`: list, write, import and check room files and board profiles."""
 
+import re
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 from sonarhw_compare.picture_file import PICTURES
+from sonarhw_compare.room_import import REFLECTANCE
 from sonarhw_sim.air import DEFAULT_BOARD
 
-from sonarhw.errors import counted
+from sonarhw.errors import InputError, counted
 from sonarhw_cli.options import BoardName, CommandList, Force, Profile, RoomName, print_json, print_line, print_note
-from sonarhw_cli.outputs import NewFile, checked_out, write_figure, write_template
+from sonarhw_cli.outputs import NewFile, checked_out, write_figure, write_template, write_text
 
 if TYPE_CHECKING:
     from sonarhw_sim.check import Finding
     from sonarhw_sim.room.room import Room
 
-# `sonarhw room`: list the shipped rooms, write a template, check a room file, print its JSON Schema.
+# `sonarhw room`: list the shipped rooms, write a new one, import, check a room file, print its JSON Schema.
 
 
 REFUSED = 2  # exit status
+MAX_COORDINATE = 1e6  # m, of a room file
+NewRoomFile = Annotated[Path, typer.Argument(help="File to create.", metavar="[NAME.toml]")]
 
-room_app = CommandList(help="List, write and check room files.", no_args_is_help=True)
+room_app = CommandList(help="List, write, import and check room files.", no_args_is_help=True)
 
 
 @room_app.command("list")
@@ -33,11 +37,100 @@ def list_rooms() -> None:
         print_line(f"{name:15} places: {', '.join(load_room(name).places) or 'none'}")
 
 
+Size = Annotated[str | None, typer.Option(help="Only four walls: width and depth of the room, metres.", metavar="WxD")]
+NewPlace = Annotated[
+    str | None,
+    typer.Option("--place", help="With --size: place of the scanner, metres and degrees.", metavar="X,Y[,DEG]"),
+]
+
+
 @room_app.command("new")
-def new_room(file: NewFile) -> None:
-    """Write an annotated room file to start from. An existing file is never overwritten."""
-    write_template("sonarhw_sim.room", file)
+def new_room(file: NewRoomFile = Path("room.toml"), size: Size = None, place: NewPlace = None) -> None:
+    """Write a room file to start from. An existing file is never overwritten.
+
+    Without --size, the file is annotated and has examples of all kinds of objects. With --size, the room is empty.
+    """
+    if size is None and place is not None:
+        raise InputError("--place needs --size: the annotated file has a place already")
+    if size is None:
+        write_template("sonarhw_sim.room", file)
+    else:
+        _write_empty_room(file, size, place)
     print_note(f"{file}: edit it, then run: sonarhw room check {file}")
+
+
+def _write_empty_room(file: Path, size: str, place: str | None) -> None:
+    from sonarhw_sim.room.room import read_pose
+    from sonarhw_sim.room.room_arrays import room_from_arrays
+
+    checked_out(file, (".toml",), False, option="FILE")
+    try:
+        width, depth = map(float, re.split("[x×,]", size))
+    except ValueError:
+        raise InputError(f"--size {size}: expected width and depth in metres, such as 3.2x2.4") from None
+    try:
+        pose = None if place is None else read_pose(place)
+    except ValueError:
+        raise InputError(f"--place {place}: expected X,Y in metres, such as 1.6,0.12, or X,Y,DEG") from None
+    if not (0 < width <= MAX_COORDINATE and 0 < depth <= MAX_COORDINATE):
+        raise InputError(f"--size {size}: expected lengths above 0 and up to {MAX_COORDINATE:g} m")
+    if pose is not None and not (0 < pose[0] < width and 0 < pose[1] < depth):
+        raise InputError(f"--place {place}: is not in the room, whose corners are 0,0 and {width:g},{depth:g}")
+    walls = {"boundary": [[0.0, 0.0], [width, 0.0], [width, depth], [0.0, depth]]}
+    room = room_from_arrays(walls, places=None if pose is None else {"scanner": pose}, name=file.stem)
+    write_text(file, room.text, False)
+    if pose is not None and len(pose) == 2:
+        print_note(f"place 'scanner': heading 0 assumed, along x; --place {place},DEG states another one")
+
+
+ForeignRoom = Annotated[
+    Path,
+    typer.Argument(
+        help="Map of ROS (YAML), world of Gazebo (SDF) or Stage, drawing as DXF or SVG, or GeoJSON.", metavar="FILE"
+    ),
+]
+RoomOut = Annotated[
+    Path | None, typer.Option("--out", help="Room file; default: the name of FILE with .toml.", metavar="ROOM.toml")
+]
+DrawingUnit = Annotated[
+    str, typer.Option("--unit", help="Drawings: unit of the coordinates: m, cm, mm, in, ft, or metres of one.")
+]
+Layers = Annotated[list[str] | None, typer.Option("--layer", help="Drawings: layer to read; default: all. Repeatable.")]
+Level = Annotated[
+    float | None, typer.Option("--height", help="Only what exists at this height, metres, such as that of the scanner.")
+]
+AssumedReflectance = Annotated[
+    float, typer.Option("--reflectance", help="Reflectance of all surfaces, which these files do not state.")
+]
+
+
+@room_app.command("import")
+def import_room_file(
+    file: ForeignRoom,
+    out: RoomOut = None,
+    unit: DrawingUnit = "",
+    layers: Layers = None,
+    height: Level = None,
+    reflectance: AssumedReflectance = REFLECTANCE,
+    force: Force = False,
+) -> None:
+    """Convert a file of another program to a room file.
+
+    Prints how it was read: unit, errors of the walls, what was left out. Robots and sensors in worlds become places.
+    """
+    from sonarhw_compare.room_import.imported import import_room
+    from sonarhw_sim.check import plan_findings
+
+    path = Path(f"{file.stem}.toml") if out is None else out
+    checked_out(path, (".toml",), force, file)
+    imported = import_room(file, unit=unit, layers=layers or (), height=height, reflectance=reflectance)
+    write_text(path, imported.room.text, force)
+    for note in imported.notes:
+        print_line(note)
+    findings = counted(len([*plan_findings(imported.room)]), "finding")
+    places = ", ".join(map(repr, imported.room.places)) or "none: commands take --place X,Y,DEG"
+    print_line(f"{path}: {_content_of(imported.room)}; places: {places}; {findings}")
+    print_note(f"look at it: sonarhw room check {path} --plot {path.stem}.png")
 
 
 @room_app.command("schema")
@@ -104,14 +197,13 @@ def _print_refusals(where: str, refusals: list[str], as_json: bool) -> None:
 def _print(where: str, room: "Room", findings: "list[Finding]") -> None:
     for number, finding in enumerate(findings, 1):
         print_line(f"{number}: {finding.line}")
-    content = ", ".join(
-        (
-            counted(len(room.walls), "wall"),
-            counted(len(room.posts), "post"),
-            counted(len(room.places), "place"),
-        )
-    )
-    print_line(f"{where}: {counted(len(findings), 'finding') if findings else 'no findings'}; {content}")
+    places = counted(len(room.places), "place")
+    found = counted(len(findings), "finding") if findings else "no findings"
+    print_line(f"{where}: {found}; {_content_of(room)}, {places}")
+
+
+def _content_of(room: "Room") -> str:
+    return f"{counted(len(room.walls), 'wall')}, {counted(len(room.posts), 'post')}"
 
 
 # `sonarhw profile`: list the shipped board profiles, write a template, check a profile, print its JSON Schema.

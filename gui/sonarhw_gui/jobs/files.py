@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sonarhw_compare.film_file import write_film
 from sonarhw_compare.foreign_csv import CsvColumns, Meaning, likely_no_echo, read_foreign_scan
+from sonarhw_compare.room_import.imported import import_room
 from sonarhw_compare.scans import ReadingNote, placed_notes
 from sonarhw_compare.sound import PlayedPing
 from sonarhw_sim.board.profile import Board
@@ -41,6 +42,8 @@ def read_csv(path: Path, columns: CsvColumns, meaning: Meaning) -> tuple[tuple[R
 
 
 LOG, ROOM, CSV = ".mcap", ".toml", ".csv"
+DRAWINGS = (".dxf", ".svg", ".geojson", ".json")
+FOREIGN_ROOMS = (".yaml", ".yml", ".world", ".sdf", *DRAWINGS)
 _MOST_NAMES = 10
 
 
@@ -78,8 +81,15 @@ def import_scan(csv: Path, readings: Sequence[Reading], folder: Path) -> Opened:
     return replace(open_log(path), notice=f"{csv.name} was imported as {path.name}, in {folder}")
 
 
-def open_room(room_name: Path | str, board: Board) -> Opened:
-    """Read a room file, or a shipped room by its name, for a board. Raises InputError."""
+def open_room(room_name: Path | str, board: Board, unit: str = "") -> Opened:
+    """Read a room file, or a shipped room by its name, for a board. Raises InputError.
+
+    A file of another program is imported: it has no room file yet. `unit`: of a drawing that states none.
+    """
+    if isinstance(room_name, Path) and room_name.suffix.lower() in FOREIGN_ROOMS:
+        imported = import_room(room_name, unit=unit)
+        scene = scene_with(board, imported.room, first_place(imported.room), f"{room_name.stem}{ROOM}")
+        return Opened(None, scene, notice=f"{room_name.name} was imported; {'; '.join(imported.notes)}")
     room = load_room(room_name)
     path = room_name if isinstance(room_name, Path) else None
     return Opened(path, scene_with(board, room, first_place(room), file_name(room_name)))
@@ -110,7 +120,7 @@ def with_newest(names: tuple[str, ...], name: str) -> tuple[str, ...]:
 
 def can_open(path: Path) -> bool:
     """Return whether a file has the extension of a log, a room or a CSV scan."""
-    return path.suffix.lower() in (LOG, ROOM, CSV)
+    return path.suffix.lower() in (LOG, ROOM, CSV, *FOREIGN_ROOMS)
 
 
 class Documents:

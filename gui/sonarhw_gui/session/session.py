@@ -324,7 +324,7 @@ class WindowSession(QObject):
             self.import_asked.emit(path)
         elif ending == files.LOG:
             self.open_log(file)
-        elif ending == files.ROOM:
+        elif ending in (files.ROOM, *files.FOREIGN_ROOMS):
             self.open_room(file)
         else:
             self.notices.fail(
@@ -335,9 +335,9 @@ class WindowSession(QObject):
         """Open a log; `last_scene`: the scene of the last session instead of that in the log."""
         self._open("open a log", files.open_log, path, last_scene, take=self._take_log)
 
-    def open_room(self, room: Path | str) -> None:
-        """Open a room file, or a shipped room by its name."""
-        self._open("open a room", files.open_room, room, self.shown.scene.board, take=self._take_room)
+    def open_room(self, room: Path | str, unit: str = "") -> None:
+        """Open a room file, a shipped room by its name, or import a room; `unit`: of a drawing that states none."""
+        self._open("open a room", files.open_room, room, self.shown.scene.board, unit, take=self._take_room)
 
     @Slot(object, object)
     def import_csv(self, csv: Path, readings: Sequence[Reading]) -> None:

@@ -8,8 +8,9 @@ from typing import BinaryIO
 
 from PySide6.QtCore import QMimeData, QObject, Qt, Slot
 from PySide6.QtGui import QAction, QGuiApplication, QImage
-from PySide6.QtWidgets import QFileDialog, QMainWindow, QMenu, QWidget
+from PySide6.QtWidgets import QFileDialog, QInputDialog, QMainWindow, QMenu, QWidget
 from sonarhw_compare.film_file import FILMS
+from sonarhw_compare.room_import.inputs import METRES
 from sonarhw_compare.sound import PlayedPing
 from sonarhw_sim.room.room import room_names
 
@@ -23,6 +24,8 @@ from sonarhw_gui.widgets import plain_tip, show_alone
 from sonarhw_gui.window.dialogs import RecordingsDialog, open_dialog
 from sonarhw_gui.window.import_dialog import ImportDialog
 from sonarhw_gui.window.views import ViewArea
+
+_STATED = "as stated in the file"
 
 
 class FileCommands(QMenu):
@@ -88,7 +91,24 @@ class FileCommands(QMenu):
     @Slot()
     def open_room(self) -> None:
         """Ask for a room file."""
-        self._ask_file("Open room", "Rooms (*.toml)", self._session.open_file)
+        foreign = " ".join(f"*{suffix}" for suffix in files.FOREIGN_ROOMS)
+        pattern = f"Rooms (*.toml);;Maps, worlds and drawings ({foreign})"
+        self._ask_file("Open room", pattern, self._open_room_file)
+
+    @Slot(str)
+    def _open_room_file(self, path: str) -> None:
+        """Open a room; ask for the unit of a drawing first."""
+        if Path(path).suffix.lower() not in files.DRAWINGS:
+            self._session.open_file(path)
+            return
+        dialog = QInputDialog(self._window)
+        dialog.setWindowTitle("Open room")
+        dialog.setLabelText(f"Unit of the lengths in {Path(path).name}")
+        dialog.setComboBoxItems([_STATED, *METRES])
+        dialog.textValueSelected.connect(
+            lambda unit: self._session.open_room(Path(path), "" if unit == _STATED else unit)
+        )
+        show_alone(dialog)
 
     @Slot()
     def open_board(self) -> None:

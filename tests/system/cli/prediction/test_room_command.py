@@ -25,6 +25,45 @@ def test_a_new_room_is_clean_and_is_simulated(capsys: Capture) -> None:
     assert run(["simulate", "own.toml", "--step", "90"]) == 0
 
 
+def test_a_new_room_of_a_size_has_four_walls_and_the_place(capsys: Capture) -> None:
+    assert run(["room", "new", "--size", "3.2x2.4", "--place", "1.6,0.12"]) == 0
+    assert "heading 0 assumed" in capsys.readouterr().err
+    room = load_room("./room.toml")
+    assert sorted(map(tuple, room.walls[:, :2].tolist())) == [(0, 0), (0, 2.4), (3.2, 0), (3.2, 2.4)]
+    assert (len(room.posts), room.places["scanner"].position) == (0, (1.6, 0.12))
+    assert run(["room", "check", "room.toml"]) == 0
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        (["--size", "3.2"], "--size 3.2: expected width and depth in metres"),
+        (["--size", "3x2", "--place", "4,1"], "--place 4,1: is not in the room"),
+        (["--size", "3x2", "--place", "desk"], "--place desk: expected X,Y in metres"),
+        (["--place", "1,1"], "--place needs --size"),
+    ],
+)
+def test_a_size_that_is_none_is_refused(options: list[str], expected: str, capsys: Capture) -> None:
+    assert run(["room", "new", "own.toml", *options]) == 2
+    assert expected in capsys.readouterr().err
+    assert not Path("own.toml").exists()
+
+
+def test_an_imported_room_is_written_with_how_it_was_read(capsys: Capture) -> None:
+    Path("plan.json").write_text(
+        '{"type": "LineString", "coordinates": [[0, 0], [3.2, 0], [3.2, 2.4], [0, 2.4], [0, 0]]}'
+    )
+    assert run(["room", "import", "plan.json"]) == 2
+    assert "give it with --unit. m: 3.2 by 2.4 m" in capsys.readouterr().err
+    assert run(["room", "import", "plan.json", "--unit", "m"]) == 0
+    out = capsys.readouterr().out.splitlines()
+    assert out[0] == "unit: m"
+    assert out[-1] == "plan.toml: 4 walls, 0 posts; places: none: commands take --place X,Y,DEG; 0 findings"
+    assert run(["room", "check", "plan.toml"]) == 0
+    assert run(["room", "import", "plan.json", "--unit", "m"]) == 2
+    assert "exists already; choose another --out or add --force" in capsys.readouterr().err
+
+
 def test_a_new_profile_is_the_default_board_and_is_clean() -> None:
     assert run(["profile", "new", "own.toml"]) == 0
     assert run(["profile", "check", "own.toml"]) == 0

@@ -133,6 +133,18 @@ def test_unsupported_files_are_not_accepted(open_with: OpenWith, tmp_path: Path,
     assert not drop(open_with(), tmp_path / name)
 
 
+def test_a_room_of_another_program_is_imported(qtbot: QtBot, open_with: OpenWith, tmp_path: Path) -> None:
+    drawing = tmp_path / "plan.json"
+    drawing.write_text('{"type": "LineString", "coordinates": [[0, 0], [3.2, 0], [3.2, 2.4], [0, 2.4], [0, 0]]}')
+    window = open_with()
+    assert drop(window, drawing)
+    until(qtbot, lambda: "give the unit" in window.banner.message)  # Open room… asks for it
+    window.session.open_room(drawing, "m")
+    until(qtbot, lambda: window.session.shown.scene.room_file == "plan.toml")
+    assert window.session.shown.scene.room is not None
+    assert len(window.session.shown.scene.room.walls) == 4
+
+
 def test_files_named_on_the_command_line_are_recent_files(open_with: OpenWith, tmp_path: Path, recorded: Path) -> None:
     window = open_with(source=read_log(recorded), source_file=recorded, used=(ROOM, recorded))
     assert [action.data() for action in window.files.actions()] == [str(recorded), str(ROOM)]
