@@ -15,7 +15,6 @@ from sonarhw.wire.messages import (
     Hello,
     Home,
     Input,
-    Message,
     Outcome,
     Refusal,
     Refused,
@@ -33,18 +32,11 @@ A_DEGREE = MICROSTEPS // 360
 CAM_INVERTED, CAM_OPEN, MOTOR_REVERSED, MARK_OPEN, MARK_INVERTED = 1, 2, 4, 8, 16  # enum host_wiring
 
 
-def finished_of(board: PortableBoard, action: Message, within: int = 10_000_000) -> Finished:
-    """Send an action and return its Finished. Fails if it does not end `within` that time, µs."""
-    received = board.ask(action, within)
-    (finished,) = [message for message in received if isinstance(message, Finished)]
-    return finished
-
-
 def home_board(board: PortableBoard, position: int = 0) -> None:
     board.c.host_grain(50)
     board.c.host_set_position(position)
     board.ask(Hello(1, 0))
-    assert finished_of(board, Home()).outcome == Outcome.DONE
+    assert board.finish(Home()).outcome == Outcome.DONE
 
 
 STARTS = [-719, -361, -200, -181, -30, -20, -10, -1, 0, 1, 90, 179, 180, 181, 360, 500, 719]
@@ -56,17 +48,10 @@ MARK = "the zero mark never came; check its wire and the motor; "
 def assert_homes(board: PortableBoard, degrees: int, within: int) -> None:
     """Home from `degrees`, and assert duration (µs) and limits of the cable."""
     board.c.host_set_position(degrees * A_DEGREE)
-    lowest = highest = degrees * A_DEGREE
-    end = board.now + within
-    board.ask(Home(), 1000)
-    received: list[Message] = []
-    while not any(isinstance(message, Finished) for message in received):
-        assert board.now < end
-        received += [message for _, message in board.frames_until(board.now + 2_000)]
-        lowest, highest = min(lowest, board.c.host_position()), max(highest, board.c.host_position())
-    assert board.c.host_position() == 0
-    assert lowest >= min(degrees, -60) * A_DEGREE
-    assert highest <= max(degrees, 60) * A_DEGREE
+    _, angles = board.watch(Home(), within)
+    assert angles[-1] == 0
+    assert min(angles) >= min(degrees, -60)
+    assert max(angles) <= max(degrees, 60)
 
 
 @pytest.mark.parametrize("degrees", STARTS)
@@ -84,13 +69,13 @@ def test_a_table_far_from_zero_needs_a_second_home_until_its_wiring_has_worked(b
     board.c.host_grain(200)
     board.c.host_set_position(719 * A_DEGREE)
     board.ask(Hello(1, 0))
-    assert CAM in finished_of(board, Home(), 40_000_000).text
-    assert finished_of(board, Home(), 40_000_000).outcome == Outcome.DONE
+    assert CAM in board.finish(Home(), 40_000_000).text
+    assert board.finish(Home(), 40_000_000).outcome == Outcome.DONE
     assert board.c.host_position() == 0
     board.c.host_restart()
     board.c.host_set_position(719 * A_DEGREE)
     board.ask(Hello(1, 0))
-    assert finished_of(board, Home(), 40_000_000).outcome == Outcome.DONE
+    assert board.finish(Home(), 40_000_000).outcome == Outcome.DONE
 
 
 def test_a_first_home_crawls(board: PortableBoard) -> None:
@@ -121,13 +106,7 @@ def test_a_wrong_wire_is_named_and_repeated_homes_wind_the_cable_no_further(
     board.c.host_set_position(degrees * A_DEGREE)
     board.c.host_wiring(wiring)
     board.ask(Hello(1, 0))
-    board.ask(Home(), 1000)
-    received: list[Message] = []
-    positions = [degrees]
-    while not any(isinstance(message, Finished) for message in received):
-        received += [message for _, message in board.frames_until(board.now + 100_000)]
-        positions.append(board.c.host_position() / A_DEGREE)
-    (finished,) = [message for message in received if isinstance(message, Finished)]
+    finished, positions = board.watch(Home())
     assert finished.outcome == Outcome.FAULT
     assert text in finished.text
     assert max(abs(position - degrees) for position in positions) <= UNPROVEN + 1
@@ -135,7 +114,7 @@ def test_a_wrong_wire_is_named_and_repeated_homes_wind_the_cable_no_further(
         # a mark that is high at the edge of the cam is refused there: no crawl back to the mark
         assert max(positions[positions.index(min(positions)) :]) < -15
     for _ in range(4):
-        assert finished_of(board, Home(), 40_000_000).outcome == Outcome.FAULT
+        assert board.finish(Home(), 40_000_000).outcome == Outcome.FAULT
         assert abs(board.c.host_position() / A_DEGREE - degrees) <= 751
 
 
@@ -143,13 +122,13 @@ def test_pings_in_place_switch_no_motor_on_also_after_a_failed_home(board: Porta
     board.c.host_grain(200)
     board.ask(Hello(1, 2))
     in_place = StartScan(0, 1, 1, 2, 1, in_place=1)
-    assert finished_of(board, in_place, 500_000).outcome == Outcome.DONE
+    assert board.finish(in_place, 500_000).outcome == Outcome.DONE
     assert not board.c.host_powered()
     board.c.host_wiring(MARK_OPEN)
     board.ask(Hello(1, 0))
-    assert finished_of(board, Home(), 40_000_000).outcome == Outcome.FAULT
+    assert board.finish(Home(), 40_000_000).outcome == Outcome.FAULT
     position = board.c.host_position()
-    assert finished_of(board, in_place, 500_000).outcome == Outcome.DONE
+    assert board.finish(in_place, 500_000).outcome == Outcome.DONE
     assert board.c.host_position() == position
 
 
@@ -160,7 +139,7 @@ def test_a_zero_set_by_hand_needs_no_mark(board: PortableBoard) -> None:
     board.ask(Hello(1, 0))
     board.ask(SetZero())
     assert not board.c.host_powered()
-    assert finished_of(board, Turn(400_000_000)).outcome == Outcome.DONE
+    assert board.finish(Turn(400_000_000)).outcome == Outcome.DONE
     assert board.c.host_position() == 500 * A_DEGREE
     (refused,) = board.ask(Turn(721_000_000))
     assert isinstance(refused, Refused)
@@ -187,9 +166,9 @@ def test_settings_correct_inverted_wires_and_outlast_a_restart(
     (answer,) = board.ask(ConfigureWiring(settings, settings))
     assert answer == WiringSettings(answer.command, settings)  # type: ignore[attr-defined]
     for _ in range(2):
-        assert finished_of(board, Home(), 40_000_000).outcome == Outcome.DONE
+        assert board.finish(Home(), 40_000_000).outcome == Outcome.DONE
         assert board.c.host_position() == 0
-        assert finished_of(board, Turn(50_000_000), 40_000_000).outcome == Outcome.DONE
+        assert board.finish(Turn(50_000_000), 40_000_000).outcome == Outcome.DONE
         assert board.c.host_position() == 50 * A_DEGREE
         board.c.host_restart()
         board.ask(Hello(1, 0))
@@ -212,15 +191,15 @@ def test_a_jog_turns_without_a_zero_and_within_the_limits(board: PortableBoard) 
     board.c.host_set_position(77 * A_DEGREE)
     board.ask(Hello(1, 0))
     for angle, position in (10, 87), (-4, 83):
-        assert finished_of(board, Turn(angle * 1_000_000, relative=1)).outcome == Outcome.DONE
+        assert board.finish(Turn(angle * 1_000_000, relative=1)).outcome == Outcome.DONE
         assert board.c.host_position() == position * A_DEGREE
     refused = next(m for m in board.ask(Turn(0)) if isinstance(m, Refused))
     assert refused.code == Refusal.NOT_HOMED
     home_board(board, 77 * A_DEGREE)
-    assert finished_of(board, Turn(715_000_000)).outcome == Outcome.DONE
+    assert board.finish(Turn(715_000_000)).outcome == Outcome.DONE
     refused = next(m for m in board.ask(Turn(10_000_000, relative=1)) if isinstance(m, Refused))
     assert refused.code == Refusal.OUT_OF_RANGE
-    assert finished_of(board, Turn(5_000_000, relative=1)).outcome == Outcome.DONE
+    assert board.finish(Turn(5_000_000, relative=1)).outcome == Outcome.DONE
     assert board.c.host_position() == 720 * A_DEGREE
 
 
@@ -259,8 +238,8 @@ def test_a_limit_of_homing_is_named(board: PortableBoard) -> None:
     board.c.host_wiring(CAM_OPEN)
     board.ask(Hello(1, 0))
     for _ in range(2):
-        assert CAM in finished_of(board, Home(), 40_000_000).text
-    finished = finished_of(board, Home(), 1_000_000)
+        assert CAM in board.finish(Home(), 40_000_000).text
+    finished = board.finish(Home(), 1_000_000)
     assert "homing may wind the cable no further" in finished.text
     assert finished.text.endswith("; mark 0, cam 1")
 
@@ -271,7 +250,7 @@ def test_homes_with_changing_settings_wind_the_cable_no_further(board: PortableB
     board.ask(Hello(1, 0))
     both = Wiring.CAM | Wiring.MOTOR
     for k in range(4):
-        finished_of(board, Home(), 40_000_000)
+        board.finish(Home(), 40_000_000)
         board.ask(ConfigureWiring(both, both if k % 2 == 0 else 0))
         assert abs(board.c.host_position()) <= 760 * A_DEGREE
 
@@ -294,12 +273,8 @@ def test_every_heading_is_approached_in_the_requested_direction(board: PortableB
         board.ask(ConfigureTurntable(0, 0, 20_000, approach))
         for _ in range(5):
             angle = choice.randrange(-14_400, 14_401)
-            path = [board.c.host_position()]
-            received = board.ask(Turn(angle * 50_000), 1000)
-            while not any(isinstance(message, Finished) for message in received):
-                received += [message for _, message in board.frames_until(board.now + 2_000)]
-                path.append(board.c.host_position())
-            assert path[-1] == angle
+            _, path = board.watch(Turn(angle * 50_000))
+            assert path[-1] == pytest.approx(angle / A_DEGREE)
             last_change = next(a - b for a, b in zip(path[::-1], path[-2::-1], strict=False) if a != b)
             requested = {Approach.COUNTER_CLOCKWISE: 1, Approach.CLOCKWISE: -1}.get(approach, 0)
             assert last_change * requested >= 0
@@ -310,14 +285,14 @@ def test_a_displaced_mark_ends_a_scan_with_lost_steps_and_requires_homing(board:
     board.c.host_grain(50)
     board.ask(Turn(-30_000_000), 2_000_000)
     board.c.host_set_position(board.c.host_position() - 64)
-    finished = finished_of(board, StartScan(-30_000_000, 5_000_000, 12, 1, 1))
+    finished = board.finish(StartScan(-30_000_000, 5_000_000, 12, 1, 1))
     assert finished.outcome == Outcome.LOST_STEPS
     assert "Home" in finished.text
     statistics = next(m for m in board.ask(AskStatistics()) if isinstance(m, Statistics))
     assert abs(statistics.lost_steps) == 64
     refused = next(m for m in board.ask(Turn(0)) if isinstance(m, Refused))
     assert refused.code == Refusal.NOT_HOMED
-    assert finished_of(board, Home()).outcome == Outcome.DONE
+    assert board.finish(Home()).outcome == Outcome.DONE
     assert board.c.host_position() == 0
 
 
@@ -326,17 +301,17 @@ def test_a_displaced_mark_ends_a_scan_with_lost_steps_and_requires_homing(board:
 def test_a_missing_mark_ends_a_turn_with_lost_steps(board: PortableBoard, start: int, approach: Approach) -> None:
     home_board(board)
     board.ask(ConfigureTurntable(0, 0, 20_000, approach))
-    assert finished_of(board, Turn(start * 1_000_000)).outcome == Outcome.DONE
+    assert board.finish(Turn(start * 1_000_000)).outcome == Outcome.DONE
     board.c.host_motor(SLIPPING)
     mark = 360 if start > 0 else 0
-    assert finished_of(board, Turn(mark * 1_000_000 - 5_000_000)).outcome == Outcome.DONE
+    assert board.finish(Turn(mark * 1_000_000 - 5_000_000)).outcome == Outcome.DONE
     # at the position of the mark, and the next movement does not reset the search for it
-    assert finished_of(board, Turn(mark * 1_000_000)).outcome == Outcome.DONE
-    assert finished_of(board, Turn(mark * 1_000_000 + 6_000_000)).outcome == Outcome.LOST_STEPS
+    assert board.finish(Turn(mark * 1_000_000)).outcome == Outcome.DONE
+    assert board.finish(Turn(mark * 1_000_000 + 6_000_000)).outcome == Outcome.LOST_STEPS
     statistics = next(m for m in board.ask(AskStatistics()) if isinstance(m, Statistics))
     assert statistics.lost_steps != 0
     board.c.host_motor(RAMPED)
-    assert finished_of(board, Home()).outcome == Outcome.DONE
+    assert board.finish(Home()).outcome == Outcome.DONE
 
 
 @pytest.mark.parametrize("then", [10, -1])
@@ -345,16 +320,16 @@ def test_a_mark_that_passes_while_the_table_settles_is_counted(
     board: PortableBoard, approach: Approach, then: int
 ) -> None:
     home_board(board)
-    assert finished_of(board, Turn(-30_000_000)).outcome == Outcome.DONE
+    assert board.finish(Turn(-30_000_000)).outcome == Outcome.DONE
     board.c.host_set_position(board.c.host_position() - 2)  # the zero is two steps off
-    assert finished_of(board, Turn(0)).outcome == Outcome.DONE
+    assert board.finish(Turn(0)).outcome == Outcome.DONE
     board.c.host_set_position(0)  # the table lags behind the last step
     board.ask(ConfigureTurntable(0, 0, 20_000, approach))
-    assert finished_of(board, Turn(then * 1_000_000)).outcome == Outcome.DONE
-    assert finished_of(board, Turn(40_000_000)).outcome == Outcome.DONE
+    assert board.finish(Turn(then * 1_000_000)).outcome == Outcome.DONE
+    assert board.finish(Turn(40_000_000)).outcome == Outcome.DONE
     # the next mark is not missed either
     board.c.host_motor(SLIPPING)
-    assert finished_of(board, Turn(370_000_000)).outcome == Outcome.LOST_STEPS
+    assert board.finish(Turn(370_000_000)).outcome == Outcome.LOST_STEPS
 
 
 def test_turning_back_and_forth_over_the_mark_reports_no_lost_steps(board: PortableBoard) -> None:
@@ -364,14 +339,14 @@ def test_turning_back_and_forth_over_the_mark_reports_no_lost_steps(board: Porta
         board.ask(ConfigureTurntable(0, 0, 1000, approach))
         for _ in range(12):
             turn = choice.choice([-360, 0, 360]) * 1_000_000
-            assert finished_of(board, Turn(turn + choice.randrange(-7_000_000, 7_000_000))).outcome == Outcome.DONE
+            assert board.finish(Turn(turn + choice.randrange(-7_000_000, 7_000_000))).outcome == Outcome.DONE
 
 
 def test_an_angle_between_two_microsteps_is_rounded_to_the_nearest(board: PortableBoard) -> None:
     home_board(board)
-    assert finished_of(board, Turn(10_030_000)).outcome == Outcome.DONE
+    assert board.finish(Turn(10_030_000)).outcome == Outcome.DONE
     assert board.c.host_position() == 201
-    assert finished_of(board, Turn(-10_020_000)).outcome == Outcome.DONE
+    assert board.finish(Turn(-10_020_000)).outcome == Outcome.DONE
     assert board.c.host_position() == -200
 
 

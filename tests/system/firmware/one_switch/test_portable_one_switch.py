@@ -1,7 +1,6 @@
 """Homing by the mark alone on the portable part: from any angle, with wrong wires, and never far with the cable."""
 
 import itertools
-from dataclasses import dataclass
 
 import pytest
 
@@ -11,7 +10,6 @@ from sonarhw.wire.messages import (
     Capabilities,
     ConfigureWiring,
     Feature,
-    Finished,
     Heartbeat,
     Hello,
     Home,
@@ -34,7 +32,6 @@ from tests.system.firmware.test_portable_turntable import (
     MARK_INVERTED,
     MARK_OPEN,
     MOTOR_REVERSED,
-    finished_of,
 )
 
 DIRECTION_OPEN = 32  # enum host_wiring
@@ -43,23 +40,6 @@ SLOWING = 6  # degrees beyond a limit: the table slows down, and passes the edge
 NO_MARK = "the zero mark never came; check its wire and the motor; begin within 45 degrees of 0; mark "
 WRONG_WAY = "moved the wrong way; invert the mark or the motor; begin within 45 degrees of 0; mark "
 LIMIT = "homing may wind the cable no further; unwind it by hand and restart the board; mark "
-
-
-@dataclass
-class Travel:
-    """Where the table was, degrees."""
-
-    lowest: float
-    highest: float
-
-    def add(self, degrees: float) -> None:
-        """Add a position."""
-        self.lowest, self.highest = min(self.lowest, degrees), max(self.highest, degrees)
-
-
-def angle(board: PortableBoard) -> float:
-    """Return the true angle of the table, degrees."""
-    return float(board.c.host_position() / A_DEGREE)
 
 
 def one_switch(board: PortableBoard, degrees: float, faults: int = 0) -> None:
@@ -71,19 +51,6 @@ def one_switch(board: PortableBoard, degrees: float, faults: int = 0) -> None:
     board.ask(ConfigureWiring(Wiring.ONE_SWITCH, Wiring.ONE_SWITCH))
 
 
-def watched_home(board: PortableBoard) -> tuple[Finished, Travel]:
-    """Home, and return how it ended and where the table was."""
-    travel = Travel(angle(board), angle(board))
-    received = board.ask(Home(), 1000)
-    end = board.now + 20_000_000
-    while not any(isinstance(message, Finished) for message in received):
-        assert board.now < end
-        received += [message for _, message in board.frames_until(board.now + 10_000)]
-        travel.add(angle(board))
-    (finished,) = [message for message in received if isinstance(message, Finished)]
-    return finished, travel
-
-
 def capabilities_of(board: PortableBoard) -> Capabilities:
     (answer,) = [message for message in board.ask(AskCapabilities()) if isinstance(message, Capabilities)]
     return answer
@@ -92,39 +59,39 @@ def capabilities_of(board: PortableBoard) -> Capabilities:
 @pytest.mark.parametrize("degrees", range(-45, 46, 5))
 def test_a_table_near_zero_homes_by_the_mark(board: PortableBoard, degrees: int) -> None:
     one_switch(board, degrees, CAM_OPEN)
-    finished, travel = watched_home(board)
+    finished, travel = board.watch(Home())
     assert finished.outcome == Outcome.DONE
-    assert angle(board) == 0
-    assert travel.lowest >= min(degrees, -1) - SLOWING
-    assert travel.highest <= max(degrees, 1) + SLOWING
+    assert board.angle == 0
+    assert min(travel) >= min(degrees, -1) - SLOWING
+    assert max(travel) <= max(degrees, 1) + SLOWING
 
 
 @pytest.mark.parametrize("degrees", [-177, -176, -140, -90, -46, -5, -1, -0.05, 0, 0.05, 1, 5, 46, 90, 140, 176, 177])
 def test_a_table_homes_from_its_whole_range_after_a_power_failure(board: PortableBoard, degrees: float) -> None:
     one_switch(board, 10, CAM_INVERTED)
-    assert finished_of(board, Home()).outcome == Outcome.DONE
+    assert board.finish(Home()).outcome == Outcome.DONE
     for _ in range(3):
         board.c.host_restart()
         board.c.host_set_position(round(degrees * A_DEGREE))
         board.ask(Hello(1, 0))
-        finished, travel = watched_home(board)
+        finished, travel = board.watch(Home())
         assert finished.outcome == Outcome.DONE
-        assert angle(board) == 0
-        assert travel.lowest >= min(degrees, 0) - SLOWING
-        assert travel.highest <= max(degrees, 0) + SLOWING
+        assert board.angle == 0
+        assert min(travel) >= min(degrees, 0) - SLOWING
+        assert max(travel) <= max(degrees, 0) + SLOWING
 
 
 @pytest.mark.parametrize("degrees", [-170, -90, 5, 90, 170])
 def test_a_second_home_is_fast_and_passes_zero_by_a_few_degrees(board: PortableBoard, degrees: int) -> None:
     one_switch(board, 10)
-    assert finished_of(board, Home()).outcome == Outcome.DONE
-    assert finished_of(board, Turn(degrees * 1_000_000)).outcome == Outcome.DONE
+    assert board.finish(Home()).outcome == Outcome.DONE
+    assert board.finish(Turn(degrees * 1_000_000)).outcome == Outcome.DONE
     began = board.now
-    finished, travel = watched_home(board)
+    finished, travel = board.watch(Home())
     assert finished.outcome == Outcome.DONE
-    assert angle(board) == 0
+    assert board.angle == 0
     assert board.now - began < 3_000_000
-    assert max(-travel.lowest + min(degrees, 0), travel.highest - max(degrees, 0)) <= 35
+    assert max(-min(travel) + min(degrees, 0), max(travel) - max(degrees, 0)) <= 35
 
 
 FAULTS = [
@@ -141,16 +108,16 @@ def test_a_wrong_wire_is_named_and_the_table_returns(
 ) -> None:
     one_switch(board, degrees, faults)
     for _ in range(3):
-        finished, travel = watched_home(board)
+        finished, travel = board.watch(Home())
         assert finished.outcome == Outcome.FAULT
         assert finished.text.startswith(text)
         assert finished.text.endswith(("mark 0", "mark 1"))
-        assert angle(board) == degrees
-        assert travel.lowest >= degrees - UNPROVEN - SLOWING
-        assert travel.highest <= degrees + UNPROVEN + SLOWING
-    finished, travel = watched_home(board)
+        assert board.angle == degrees
+        assert min(travel) >= degrees - UNPROVEN - SLOWING
+        assert max(travel) <= degrees + UNPROVEN + SLOWING
+    finished, travel = board.watch(Home())
     assert finished.text.startswith(LIMIT)
-    assert travel == Travel(degrees, degrees)
+    assert {*travel} == {degrees}
 
 
 @pytest.mark.parametrize("degrees", [-400, -185, -170, -100, 61, 100, 170, 185])
@@ -159,34 +126,34 @@ def test_from_elsewhere_the_table_stays_near_or_finds_the_mark_beside_it(
     board: PortableBoard, degrees: int, faults: int
 ) -> None:
     one_switch(board, degrees, faults)
-    travel = Travel(degrees, degrees)
+    travel = [float(degrees)]
     for k in range(8):
-        if watched_home(board)[0].outcome == Outcome.DONE:
-            assert abs(angle(board) - degrees) <= UNPROVEN + SLOWING
+        if board.watch(Home())[0].outcome == Outcome.DONE:
+            assert abs(board.angle - degrees) <= UNPROVEN + SLOWING
             return
-        travel.add(angle(board))
+        travel.append(board.angle)
         board.ask(ConfigureWiring(7, k % 8))
     if faults == DIRECTION_OPEN:
-        assert travel.highest <= degrees + 3 * 4 * UNPROVEN
+        assert max(travel) <= degrees + 3 * 4 * UNPROVEN
     else:
-        assert (travel.lowest, travel.highest) == (degrees, degrees)
+        assert {*travel} == {degrees}
 
 
 @pytest.mark.parametrize("faults", [MARK_OPEN, MARK_INVERTED, MOTOR_REVERSED])
 def test_failed_homes_between_restarts_do_not_add_up(board: PortableBoard, faults: int) -> None:
     one_switch(board, 30)
-    assert finished_of(board, Home()).outcome == Outcome.DONE
-    assert finished_of(board, Turn(40_000_000)).outcome == Outcome.DONE
+    assert board.finish(Home()).outcome == Outcome.DONE
+    assert board.finish(Turn(40_000_000)).outcome == Outcome.DONE
     board.c.host_wiring(MARK_OPEN)  # after a Home that has succeeded
     for limit in (185, UNPROVEN, UNPROVEN, UNPROVEN):
         board.c.host_restart()
         board.c.host_wiring(faults if limit == UNPROVEN else MARK_OPEN)
         board.ask(Hello(1, 0))
-        finished, travel = watched_home(board)
+        finished, travel = board.watch(Home())
         assert finished.outcome == Outcome.FAULT
-        assert angle(board) == 40
-        assert travel.lowest >= 40 - limit - SLOWING
-        assert travel.highest <= 40 + UNPROVEN + SLOWING
+        assert board.angle == 40
+        assert min(travel) >= 40 - limit - SLOWING
+        assert max(travel) <= 40 + UNPROVEN + SLOWING
 
 
 def test_homes_that_are_stopped_wind_the_cable_no_further(board: PortableBoard) -> None:
@@ -194,7 +161,7 @@ def test_homes_that_are_stopped_wind_the_cable_no_further(board: PortableBoard) 
     for _ in range(9):
         board.ask(Home(), 1_200_000)
         board.ask(Stop(), 500_000)
-    assert abs(angle(board) - 30) <= 3 * UNPROVEN
+    assert abs(board.angle - 30) <= 3 * UNPROVEN
 
 
 @pytest.mark.parametrize(("faults", "settings"), [(MARK_INVERTED, Wiring.MARK), (MOTOR_REVERSED, Wiring.MOTOR)])
@@ -203,13 +170,13 @@ def test_the_named_setting_corrects_a_wire_and_outlasts_a_restart(
     board: PortableBoard, degrees: int, faults: int, settings: Wiring
 ) -> None:
     one_switch(board, degrees, faults)
-    assert finished_of(board, Home(), 15_000_000).text.startswith(WRONG_WAY)
+    assert board.finish(Home(), 15_000_000).text.startswith(WRONG_WAY)
     board.ask(ConfigureWiring(settings, settings))
     for _ in range(2):
-        assert finished_of(board, Home(), 15_000_000).outcome == Outcome.DONE
-        assert angle(board) == 0
-        assert finished_of(board, Turn(-150_000_000)).outcome == Outcome.DONE
-        assert angle(board) == -150
+        assert board.finish(Home(), 15_000_000).outcome == Outcome.DONE
+        assert board.angle == 0
+        assert board.finish(Turn(-150_000_000)).outcome == Outcome.DONE
+        assert board.angle == -150
         board.c.host_restart()
         board.ask(Hello(1, 0))
     (answer,) = board.ask(ConfigureWiring(0, 0))
@@ -218,10 +185,10 @@ def test_the_named_setting_corrects_a_wire_and_outlasts_a_restart(
 
 def test_mark_and_motor_inverted_home_at_zero_and_turn_the_other_way(board: PortableBoard) -> None:
     one_switch(board, 20, MARK_INVERTED | MOTOR_REVERSED)
-    assert finished_of(board, Home(), 15_000_000).outcome == Outcome.DONE
-    assert angle(board) == pytest.approx(0, abs=0.1)
-    assert finished_of(board, Turn(50_000_000)).outcome == Outcome.DONE
-    assert angle(board) == pytest.approx(-50, abs=0.1)
+    assert board.finish(Home(), 15_000_000).outcome == Outcome.DONE
+    assert board.angle == pytest.approx(0, abs=0.1)
+    assert board.finish(Turn(50_000_000)).outcome == Outcome.DONE
+    assert board.angle == pytest.approx(-50, abs=0.1)
 
 
 def test_the_reach_is_less_than_half_a_turn_and_told(board: PortableBoard) -> None:
@@ -234,7 +201,7 @@ def test_the_reach_is_less_than_half_a_turn_and_told(board: PortableBoard) -> No
     able = capabilities_of(board)
     assert (able.lowest_angle, able.highest_angle) == (-175_000_000, 175_000_000)
     assert able.features & Feature.ONE_SWITCH
-    assert finished_of(board, Home()).outcome == Outcome.DONE
+    assert board.finish(Home()).outcome == Outcome.DONE
     for beyond in (-175_000_001, 175_000_001):
         refused = next(m for m in board.ask(Turn(beyond)) if isinstance(m, Refused))
         assert refused.code == Refusal.OUT_OF_RANGE
@@ -245,80 +212,75 @@ def test_the_reach_is_less_than_half_a_turn_and_told(board: PortableBoard) -> No
 
 def test_a_scan_of_the_whole_reach_loses_no_steps_and_stays_within_half_a_turn(board: PortableBoard) -> None:
     one_switch(board, -20)
-    assert finished_of(board, Home()).outcome == Outcome.DONE
-    travel = Travel(0, 0)
-    received = board.ask(StartScan(-175_000_000, 10_000_000, 36, 2, 1), 1000)
-    while not any(isinstance(message, Finished) for message in received):
-        received += [message for _, message in board.frames_until(board.now + 20_000)]
-        travel.add(angle(board))
-    (finished,) = [message for message in received if isinstance(message, Finished)]
+    assert board.finish(Home()).outcome == Outcome.DONE
+    finished, travel = board.watch(StartScan(-175_000_000, 10_000_000, 36, 2, 1))
     assert (finished.outcome, finished.readings) == (Outcome.DONE, 72)
-    assert travel.lowest >= -177
-    assert travel.highest <= 175
+    assert min(travel) >= -177
+    assert max(travel) <= 175
 
 
 @pytest.mark.parametrize(("slip", "to"), [(-64, 30), (64, 30), (3000, -20), (-3000, 20), (3000, 30)])
 def test_lost_steps_are_detected_and_the_next_home_is_short(board: PortableBoard, slip: int, to: int) -> None:
     one_switch(board, 0.5)
-    assert finished_of(board, Home()).outcome == Outcome.DONE
-    assert finished_of(board, Turn(-30_000_000 if to > 0 else 30_000_000)).outcome == Outcome.DONE
+    assert board.finish(Home()).outcome == Outcome.DONE
+    assert board.finish(Turn(-30_000_000 if to > 0 else 30_000_000)).outcome == Outcome.DONE
     board.c.host_set_position(board.c.host_position() + slip)
-    finished = finished_of(board, Turn(to * 1_000_000))
+    finished = board.finish(Turn(to * 1_000_000))
     assert finished.outcome == Outcome.LOST_STEPS
     assert finished.text.endswith("send Home; begin within 45 degrees of 0")
     statistics = next(m for m in board.ask(AskStatistics()) if isinstance(m, Statistics))
     assert 0 < abs(statistics.lost_steps) <= abs(slip)
-    before = angle(board)
-    finished, travel = watched_home(board)
+    before = board.angle
+    finished, travel = board.watch(Home())
     if abs(slip) == 64:
         assert finished.outcome == Outcome.DONE
-        assert angle(board) == 0
-    assert travel.lowest >= before - UNPROVEN - SLOWING
-    assert travel.highest <= before + UNPROVEN + SLOWING
+        assert board.angle == 0
+    assert min(travel) >= before - UNPROVEN - SLOWING
+    assert max(travel) <= before + UNPROVEN + SLOWING
 
 
 @pytest.mark.parametrize("stuck", [170, -170])
 def test_a_table_that_was_stuck_far_from_zero_is_not_wound_by_a_turn(board: PortableBoard, stuck: int) -> None:
     one_switch(board, 0.5)
-    assert finished_of(board, Home()).outcome == Outcome.DONE
-    assert finished_of(board, Turn(stuck * 1_000_000)).outcome == Outcome.DONE
+    assert board.finish(Home()).outcome == Outcome.DONE
+    assert board.finish(Turn(stuck * 1_000_000)).outcome == Outcome.DONE
     board.c.host_motor(SLIPPING)
-    assert finished_of(board, Turn(stuck // 10 * 1_000_000)).outcome == Outcome.DONE
+    assert board.finish(Turn(stuck // 10 * 1_000_000)).outcome == Outcome.DONE
     board.c.host_motor(RAMPED)
-    assert finished_of(board, Turn(stuck * 1_000_000)).outcome == Outcome.LOST_STEPS
+    assert board.finish(Turn(stuck * 1_000_000)).outcome == Outcome.LOST_STEPS
     for _ in range(3):
-        assert finished_of(board, Home(), 15_000_000).outcome == Outcome.FAULT
-        assert abs(angle(board)) < 190
+        assert board.finish(Home(), 15_000_000).outcome == Outcome.FAULT
+        assert abs(board.angle) < 190
         board.c.host_restart()
         board.ask(Hello(1, 0))
 
 
 def test_a_table_that_turns_in_one_direction_only_loses_steps_at_once(board: PortableBoard) -> None:
     one_switch(board, 0.5)
-    assert finished_of(board, Home()).outcome == Outcome.DONE
+    assert board.finish(Home()).outcome == Outcome.DONE
     board.c.host_wiring(DIRECTION_OPEN)
-    assert finished_of(board, Turn(-90_000_000)).outcome == Outcome.LOST_STEPS
-    assert abs(angle(board)) < 15
+    assert board.finish(Turn(-90_000_000)).outcome == Outcome.LOST_STEPS
+    assert abs(board.angle) < 15
     for k in range(8):
-        finished_of(board, Home(), 15_000_000)
+        board.finish(Home(), 15_000_000)
         board.ask(ConfigureWiring(7, k % 8))
-    assert angle(board) < 720
+    assert board.angle < 720
 
 
 @pytest.mark.parametrize("degrees", [100, -100])
 def test_after_a_zero_by_hand_a_home_is_short_also_after_a_restart(board: PortableBoard, degrees: int) -> None:
     one_switch(board, 0.5)
-    assert finished_of(board, Home()).outcome == Outcome.DONE
-    assert finished_of(board, Turn(degrees * 1_000_000)).outcome == Outcome.DONE
+    assert board.finish(Home()).outcome == Outcome.DONE
+    assert board.finish(Turn(degrees * 1_000_000)).outcome == Outcome.DONE
     board.ask(SetZero())
-    assert finished_of(board, Turn(degrees * 1_000_000)).outcome == Outcome.DONE
+    assert board.finish(Turn(degrees * 1_000_000)).outcome == Outcome.DONE
     board.c.host_restart()
     board.ask(Hello(1, 0))
-    finished, travel = watched_home(board)
+    finished, travel = board.watch(Home())
     assert finished.outcome == Outcome.FAULT
-    assert angle(board) == 2 * degrees
-    assert travel.lowest >= 2 * degrees - UNPROVEN - SLOWING
-    assert travel.highest <= 2 * degrees + UNPROVEN + SLOWING
+    assert board.angle == 2 * degrees
+    assert min(travel) >= 2 * degrees - UNPROVEN - SLOWING
+    assert max(travel) <= 2 * degrees + UNPROVEN + SLOWING
 
 
 def test_jogs_of_a_table_without_a_zero_are_limited_to_a_turn(board: PortableBoard) -> None:
@@ -333,10 +295,10 @@ def test_jogs_of_a_table_without_a_zero_are_limited_to_a_turn(board: PortableBoa
 def test_a_change_to_one_switch_makes_the_zero_unknown(board: PortableBoard) -> None:
     board.c.host_grain(200)
     board.ask(Hello(1, 0))
-    assert finished_of(board, Home()).outcome == Outcome.DONE
-    assert finished_of(board, Turn(300_000_000)).outcome == Outcome.DONE
+    assert board.finish(Home()).outcome == Outcome.DONE
+    assert board.finish(Turn(300_000_000)).outcome == Outcome.DONE
     board.ask(ConfigureWiring(Wiring.ONE_SWITCH, Wiring.ONE_SWITCH))
     beats: list[Message] = [m for m in board.ask(AskStatistics(), 260_000) if isinstance(m, Heartbeat)]
     assert beats[-1].homed == 0  # type: ignore[attr-defined]
-    finished_of(board, Home(), 15_000_000)
-    assert abs(angle(board) - 300) <= UNPROVEN + SLOWING
+    board.finish(Home(), 15_000_000)
+    assert abs(board.angle - 300) <= UNPROVEN + SLOWING

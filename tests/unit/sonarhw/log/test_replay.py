@@ -3,14 +3,16 @@
 import math
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 
 from sonarhw.device.replayed_log import ReplayDevice
 from sonarhw.errors import InputError
 from sonarhw.host.scripts import scanning
-from sonarhw.log import Log, read_log
-from sonarhw.readings import Reading
+from sonarhw.log import Log, LogMetadata, read_log
+from sonarhw.log.writer import write_scan
+from sonarhw.readings import Origin, Reading, origin_of
 from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
 from sonarhw.wire.messages import (
     Accepted,
@@ -35,7 +37,7 @@ from sonarhw.wire.messages import (
 from sonarhw.wire.readings_of_frames import ReadingAssembler
 from tests.contract.talk import DirectLine, Talk, readings
 from tests.fixtures.bench import Bench, unchanged
-from tests.fixtures.example_logs import assert_readings_close, write_example
+from tests.fixtures.example_logs import STARTED, assert_readings_close, example_reading, write_example
 
 COUNT = 12
 CONFIGURE = Configure(listen_us=1000, blanking_us=0, trace=0, speed_of_sound=1)
@@ -106,6 +108,16 @@ def test_a_replay_answers_with_the_recorded_identity_and_settings(log: Log) -> N
     assert log.settings is not None
     assert info == replace(log.info, command=info.command)
     assert settings == replace(log.settings, command=settings.command)
+
+
+@pytest.mark.parametrize(("writer", "origin"), [("simulate", Origin.SIMULATED), ("import", Origin.IMPORTED)])
+def test_a_scan_of_a_replay_has_the_origin_of_its_log(tmp_path: Path, writer: str, origin: Origin) -> None:
+    write_scan(tmp_path / "log.mcap", LogMetadata(writer, STARTED), [example_reading(0)])
+    log = read_log(tmp_path / "log.mcap")
+    assert log.origin is origin
+    assert log.info is not None
+    # the replay reports the recorded identity, and the scan of the replay is made by `scan`
+    assert origin_of("scan", log.info.firmware, log.info.serial) is origin
 
 
 def test_homing_and_turning_end_at_once(log: Log) -> None:

@@ -87,12 +87,14 @@ def test_a_stream_without_delimiters_is_buffered_up_to_one_frame() -> None:
     (rejected,) = decoder.feed(DELIMITER)
     assert isinstance(rejected, Rejected)
     assert len(rejected.block) < 1000
+    assert list(decoder.feed(DELIMITER * 5)) == []
 
 
-@given(frames)
-def test_type_and_payload_of_a_valid_frame_are_read_without_a_check(frame: Frame) -> None:
+@given(frames, st.binary(max_size=100))
+def test_type_and_payload_are_read_without_a_check(frame: Frame, invalid: bytes) -> None:
     block = encode_frame(frame)[:-1]
     assert (frame_type(block), frame_payload(block)) == (frame.type, frame.payload)
+    assert frame_type(invalid) is None or isinstance(frame_payload(invalid), bytes)
 
 
 def test_the_longest_possible_block_is_accepted_and_a_longer_one_is_not() -> None:
@@ -106,15 +108,6 @@ def test_the_longest_possible_block_is_accepted_and_a_longer_one_is_not() -> Non
     (rejected,) = decoder.feed(b"\xff" + longest)
     assert isinstance(rejected, Rejected)
     assert "without a delimiter" in rejected.reason
-
-
-@given(st.binary(max_size=100))
-def test_type_and_payload_of_invalid_blocks_raise_nothing(block: bytes) -> None:
-    assert frame_type(block) is None or isinstance(frame_payload(block), bytes)
-
-
-def test_doubled_delimiters_are_ignored() -> None:
-    assert list(FrameDecoder().feed(DELIMITER * 5)) == []
 
 
 def test_a_payload_too_long_for_a_frame_is_rejected() -> None:

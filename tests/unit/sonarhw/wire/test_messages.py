@@ -1,6 +1,8 @@
 """Properties of messages: packing is reversible, messages fit a frame, and no payload crashes the decoder."""
 
+import math
 import re
+from collections.abc import Callable
 from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any
@@ -9,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sonarhw.wire import messages as wire_messages
 from sonarhw.wire.limits import MAX_ECHOES, MAX_PAYLOAD
 from sonarhw.wire.messages import (
     BY_TYPE,
@@ -52,16 +55,11 @@ messages = st.one_of(
 )
 
 
-@given(messages)
-def test_packing_is_reversible_and_messages_within_limits_fit_a_frame(message: Message) -> None:
-    payload = message.pack()
-    assert unpack_message(message.TYPE, payload) == message
-    assert len(payload) <= MAX_PAYLOAD or not isinstance(message, ReadingMessage)
-
-
 @given(messages, st.binary(max_size=20))
-def test_bytes_after_the_last_field_are_ignored(message: Message, more: bytes) -> None:
-    assert unpack_message(message.TYPE, message.pack() + more) == message
+def test_packing_is_reversible_and_bytes_after_the_last_field_are_ignored(message: Message, more: bytes) -> None:
+    payload = message.pack()
+    assert unpack_message(message.TYPE, payload) == unpack_message(message.TYPE, payload + more) == message
+    assert len(payload) <= MAX_PAYLOAD or not isinstance(message, ReadingMessage)
 
 
 @given(messages, st.integers(1, 40))
@@ -136,3 +134,19 @@ def test_fields_that_an_older_peer_does_not_send_have_the_documented_defaults() 
         if not any(isinstance(item.metadata["wire"], Counted) for item in fields(BY_TYPE[kind])):
             assert getattr(unpack_message(kind, least.pack(minor=0)), name) == default
         assert {item.name: item.default for item in fields(BY_TYPE[kind])}[name] == default
+
+
+@pytest.mark.parametrize(
+    ("convert", "unit"),
+    [
+        (wire_messages.microseconds_of, 1e-6),
+        (wire_messages.nanoseconds_of, 1e-9),
+        (wire_messages.microdegrees_of, math.radians(1e-6)),
+        (wire_messages.millimetres_per_second_of, 1e-3),
+        (wire_messages.centidegrees_of, 1e-2),
+    ],
+)
+def test_a_value_is_rounded_to_the_nearest_whole_number(convert: Callable[[float], int], unit: float) -> None:
+    for whole in (-3, 0, 7, 21_370):
+        for part in (-0.4, 0.0, 0.4):
+            assert convert((whole + part) * unit) == whole
