@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
-from sonarhw_compare.film_file import FILMS
 from sonarhw_compare.headings import in_degrees
-from sonarhw_compare.picture_file import PICTURES
+from sonarhw_compare.picture_file import FILMS, PICTURES
 from sonarhw_sim.air import DEFAULT_BOARD, ROOM_TOLERANCE, EdgeStrength, Model, Receiver, Unit
 
 from sonarhw.errors import InputError, counted
@@ -175,7 +174,7 @@ def write_predicted_picture(scan: "PredictedScan", out: Path, force: bool) -> No
 def write_film_of_sound(scan: "PredictedScan", out: Path, suffix: str, force: bool) -> None:
     """Write a film of the sound at the first heading."""
     from sonarhw_compare.film import FilmTiming
-    from sonarhw_compare.film_file import write_film
+    from sonarhw_compare.picture_file import write_film
     from sonarhw_compare.sound import PlayedPing
 
     with outputs.written_file(out, overwrite=force) as file:
@@ -268,7 +267,7 @@ def check_input(given: PredictionInput, kind: str, traces: TraceSettings | None)
 
 def _check_film(given: PredictionInput, suffix: str) -> None:
     """Raise InputError if a film is not possible, MissingExtra if it needs PyAV."""
-    from sonarhw_compare.film_file import check_film
+    from sonarhw_compare.picture_file import check_film
 
     if not given.model.follows_sound:
         raise InputError(f"--model {given.model}: a film needs a model that follows sound")

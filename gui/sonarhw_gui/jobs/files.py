@@ -13,8 +13,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
-from sonarhw_compare.film_file import write_film
 from sonarhw_compare.foreign_csv import CsvColumns, Meaning, likely_no_echo, read_foreign_scan
+from sonarhw_compare.picture_file import write_film
 from sonarhw_compare.room_import.imported import import_room
 from sonarhw_compare.scans import ReadingNote, placed_notes
 from sonarhw_compare.sound import PlayedPing

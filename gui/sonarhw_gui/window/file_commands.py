@@ -9,7 +9,7 @@ from typing import BinaryIO
 from PySide6.QtCore import QMimeData, QObject, Qt, Slot
 from PySide6.QtGui import QAction, QGuiApplication, QImage
 from PySide6.QtWidgets import QFileDialog, QInputDialog, QMainWindow, QMenu, QWidget
-from sonarhw_compare.film_file import FILMS
+from sonarhw_compare.picture_file import FILMS
 from sonarhw_compare.room_import.inputs import METRES
 from sonarhw_compare.sound import PlayedPing
 from sonarhw_sim.room.room import room_names

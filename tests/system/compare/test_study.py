@@ -14,10 +14,7 @@ import numpy as np
 import pytest
 from sonarhw_cli.app import run
 from sonarhw_compare.study import (
-    Cases,
-    OptionValues,
     PathCache,
-    Study,
     load_study,
     make_part,
     part_count,
@@ -28,6 +25,7 @@ from sonarhw_compare.study import (
     run_study,
     scans_per_part,
 )
+from sonarhw_compare.study_cases import Cases, OptionValues, Study
 from sonarhw_sim.predict.prediction import predict_with
 
 from sonarhw.errors import InputError, MissingExtra

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 from sonarhw_compare.film import FilmTiming, caption_at
-from sonarhw_compare.film_file import FILMS, check_film, write_film
+from sonarhw_compare.picture_file import FILMS, check_film, write_film
 from sonarhw_compare.sound import PlayedPing, counted_position, front_at, moment_at, position_at, stretch_between
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan

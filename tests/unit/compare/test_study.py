@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import kstest, truncnorm, uniform
 from sonarhw_compare.free_space import find_free_space
-from sonarhw_compare.study import Drawn, Listed, ScanColumns, figures_of, random_of, read_axis
+from sonarhw_compare.study import ScanColumns, figures_of
+from sonarhw_compare.study_cases import Drawn, Listed, random_of, read_axis
 from sonarhw_sim.room.room import Room
 
 from sonarhw.errors import InputError
