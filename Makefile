@@ -97,9 +97,14 @@ types: $(VENV)/tools
 # Debian packages first: two jobs cannot install at once. mypy needs half a minute; it runs beside the first tests,
 # and window tests follow it, which need less time than the others
 test:
+	@mkdir -p build && date +%s >build/test_began
 	setup/debian_packages.sh demo firmware test
-	$(MAKE) --no-print-directory --jobs 2 --output-sync=target lint firmware $(VENV)/compiled collected
+	$(MAKE) --no-print-directory --jobs 2 --output-sync=target $(VENV)/tools $(VENV)/compiled firmware
+	@date +%s >build/test_installed
+	$(MAKE) --no-print-directory --jobs 2 --output-sync=target lint collected
 	$(MAKE) --no-print-directory --jobs 2 types other-tests window-tests
+	@now=$$(date +%s); echo "make test took $$((now - $$(cat build/test_began))) s," \
+		"without installing and compiling $$((now - $$(cat build/test_installed))) s"
 
 # pytest compiles the tests when it collects them; otherwise each of its processes would compile them all
 collected: $(VENV)/tools
@@ -109,11 +114,11 @@ collected: $(VENV)/tools
 # at the same time as the other tests, because most window tests wait; the results follow at the end
 window-tests:
 	@mkdir -p build
-	@$(BIN)/pytest tests/system/gui --durations 10 $(AT_ONCE) $(TWO_SCREENS) >build/window-tests.txt; \
+	@$(BIN)/pytest tests/system/gui --slowest 10 $(AT_ONCE) $(TWO_SCREENS) >build/window-tests.txt; \
 		status=$$?; cat build/window-tests.txt; exit $$status
 
 other-tests:
-	$(IN_XVFB) $(BIN)/pytest $(WITHOUT_WINDOW) --durations 10 $(AT_ONCE) --numprocesses 4
+	$(IN_XVFB) $(BIN)/pytest $(WITHOUT_WINDOW) --slowest 10 $(AT_ONCE) --numprocesses 4
 
 # the tests without windows once more; fails if they execute less than 90 %. Python code runs at half its speed meanwhile
 coverage: tools firmware

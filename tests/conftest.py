@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-pytest_plugins = ["tests.fixtures.leaks", "tests.fixtures.window_scene"]
+pytest_plugins = ["tests.fixtures.leaks", "tests.fixtures.window_scene", "tests.processor_time"]
 
 Count = Callable[[int, int], int]
 # These tests repeat what others cover, and Python code runs at half of its speed while coverage is measured.
@@ -33,7 +33,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
     Let the commands under test be interrupted: a shell may have started pytest with these signals ignored.
     """
-    settings.register_profile("any speed", derandomize=not config.getoption("--soak"), deadline=None)
+    settings.register_profile("any speed", derandomize=not config.getoption("--soak"), deadline=None, print_blob=True)
     settings.load_profile("any speed")
     for number in (signal.SIGINT, signal.SIGHUP):
         if signal.getsignal(number) is signal.SIG_IGN:
