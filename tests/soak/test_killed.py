@@ -10,8 +10,8 @@ from sonarhw.device.fake_board import FakeBoard
 from sonarhw.device.served import serve
 from sonarhw.log import Log, read_log
 from tests.conftest import Count
+from tests.fixtures.commands import lines, sonarhw, started
 from tests.fixtures.plain_echoes import PlainEchoes
-from tests.system.cli.instrument.test_scan_command import lines, sonarhw, started
 
 LONG = ("--step", "1", "--sweeps", "400")  # always killed early
 TAIL = 4096  # bytes

@@ -8,8 +8,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 from tests.system import hostile
 
 SEARCH = os.environ.get("PYTHONPATH", "")  # path of a checkout that is not installed
@@ -21,8 +19,7 @@ def test_files_named_like_our_modules_in_the_working_folder_break_nothing(tmp_pa
     hostile.assert_commands_run([sys.executable], command, tmp_path, SEARCH)
 
 
-@pytest.mark.parametrize("name", ["sim", "gui", "cli", "compare", "rooms", "tests"])
-def test_python_imports_those_files_by_their_names(tmp_path: Path, name: str) -> None:
+def test_python_imports_those_files_by_their_names(tmp_path: Path) -> None:
     hostile.fill(tmp_path)
-    done = subprocess.run([sys.executable, "-c", f"import {name}"], cwd=tmp_path, capture_output=True, check=False)
+    done = subprocess.run([sys.executable, "-c", "import compare"], cwd=tmp_path, capture_output=True, check=False)
     assert b"a file of the user" in done.stderr

@@ -11,7 +11,6 @@ import pytest
 from sonarhw_cli.app import run
 
 COMMAND = [sys.executable, "-c", "from sonarhw_cli.entry import main; main()"]
-SLOW_TO_IMPORT = {"numpy", "numba", "scipy", "matplotlib", "PySide6", "mcap", "rich", "pydantic", "emcee"}
 
 
 @pytest.fixture
@@ -81,19 +80,3 @@ def test_other_shells_get_a_script_and_completions(home: Path, shell: str, insta
     assert f"_SONARHW_COMPLETE=complete_{shell}" in (home / installed).read_text()
     completion = {"_SONARHW_COMPLETE": f"complete_{shell}", "_TYPER_COMPLETE_ARGS": "sonarhw simu"}
     assert wanted in output(["sonarhw"], _TYPER_COMPLETE_FISH_ACTION="get-args", **completion)
-
-
-def test_completion_and_help_do_not_import_slow_packages() -> None:
-    code = "import sys; from sonarhw_cli.app import run; import contextlib, io\n"
-    code += "with contextlib.redirect_stdout(io.StringIO()): run(['--help'])\nsys.stdout.write(' '.join(sys.modules))"
-    loaded = {name.partition(".")[0] for name in output([sys.executable, "-c", code]).split()}
-    assert not loaded & SLOW_TO_IMPORT
-
-
-@pytest.mark.parametrize("command", [["compare"], ["report", "--out", "scan.html"], ["locate"]])
-def test_a_missing_log_is_reported_before_slow_packages_are_imported(command: list[str]) -> None:
-    code = "import sys; from sonarhw_cli.app import run; import contextlib, io\n"
-    code += f"with contextlib.redirect_stderr(io.StringIO()): assert run({[*command, 'nowhere.mcap']}) == 2\n"
-    code += "sys.stdout.write(' '.join(sys.modules))"
-    loaded = {name.partition(".")[0] for name in output([sys.executable, "-c", code]).split()}
-    assert not loaded & {"numba", "scipy", "matplotlib", "emcee"}

@@ -49,23 +49,6 @@ def test_demo_without_a_display_writes_its_files_which_headless_overwrites_only_
     assert [after[name] == before[name] for name in ("overlay.png", "summary.json")] == [True, True]
 
 
-@pytest.mark.parametrize("name", ["scan.mcap", "overlay.png", "summary.json"])
-def test_headless_demo_keeps_a_file_of_the_user(tmp_path: Path, name: str) -> None:
-    (tmp_path / name).write_text("mine")
-    assert run(["demo", "--headless", str(tmp_path)]) == 2
-    assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [(name, "mine")]
-
-
-@pytest.mark.parametrize("out", ["", "file"])
-def test_headless_demo_refuses_a_file_as_folder_and_force_without_a_folder(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], out: str
-) -> None:
-    (tmp_path / "file").write_text("mine")
-    assert run(["demo", "--force", *(["--headless", str(tmp_path / out)] if out else [])]) == 2
-    assert ("is a file" if out else "--force: needs --headless DIR") in capsys.readouterr().err
-    assert (tmp_path / "file").read_text() == "mine"
-
-
 @pytest.mark.usefixtures("without_display")
 def test_gui_without_a_display_names_commands_for_the_log(capsys: pytest.CaptureFixture[str]) -> None:
     assert (

@@ -4,30 +4,24 @@ A normal run leaves out the pages in LONG, whose blocks take minutes; with `--so
 
 The blocks of a page run in order, in one folder that contains a copy of `rooms/`, `examples/` and
 `docs/comparing/study_example.toml`.
-Its Python blocks share their names. Commands that serve a scanner run until the end of the page. A line with one
-`sonarhw` command runs in this process, which is faster. The shell runs the filters behind its pipe, and other lines.
+Its Python blocks share their names. Commands that serve a scanner run until the end of the page.
 """
 
-import os
 import re
-import shlex
 import shutil
 import signal
 import subprocess
-import sys
 from collections.abc import Iterator
-from contextlib import redirect_stderr, redirect_stdout, suppress
-from io import StringIO
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import pytest
-from sonarhw_cli.app import run
 
 from tests.checkout import CHECKOUT
 from tests.free_port import free_port
 from tests.hang_guard import HANG
-from tests.system.docs.page_blocks import PYTHON, SHELL, Block, Command, blocks_of
+from tests.transcripts import PYTHON, SHELL, Block, Command, Shell, blocks_of
 
 ELSEWHERE = {"figures.md"}  # `sonarhw figures` writes it, and test_figures_command.py runs its commands
 PAGES = [
@@ -36,8 +30,6 @@ PAGES = [
     if page.name not in ELSEWHERE and blocks_of(page)
 ]
 LONG = {"fit.md", "locate.md", "map.md", "python.md", "study.md"}  # minutes; complete with --soak
-# one command, without patterns, variables and redirections outside quotes; and the filters of its output
-PLAIN = re.compile(r"""(sonarhw (?:[\w ./:,=@+-]|'[^']*')+)(?:\| ([^<>]+))?""")
 NOT_CODE = ("text", "toml", "c")
 # Units by which the last digit of a maximum differs between processors. The likelihood of a pose is rough: on another
 # processor, the search ends at another step of it, up to 0.3 of the stated standard deviation away.
@@ -53,8 +45,7 @@ class Reader:
     def __init__(self, folder: Path) -> None:
         self.names: dict[str, Any] = {"__name__": "__main__"}
         self._servers: list[subprocess.Popen[str]] = []
-        self._folder = folder
-        self._environment = os.environ | {"PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
+        self._shell = Shell(folder, apart=False)
         self._port = f"127.0.0.1:{free_port()}"
 
     def assert_runs(self, block: Block) -> None:
@@ -69,34 +60,13 @@ class Reader:
 
     def _run(self, block: Block, command: Command) -> None:
         text = self._own(command.text)
-        plain = PLAIN.fullmatch(text)
-        status, printed = self._in_this_process(plain[1], plain[2]) if plain else self._in_a_shell(text)
-        assert status == 0, f"{block.where}: {command.text}\n{printed}"
+        output = self._shell.run(text)
+        printed = output.out
+        assert output.status == 0, f"{block.where}: {command.text}\n{printed}"
         if command.printed:
             expected = self._own(command.printed)
             units = next((most for search, most in SEARCHES.items() if text.startswith(search)), 0)
             assert alike(printed, expected, units), f"{block.where}: {command.text}\n{printed}expected:\n{expected}"
-
-    def _in_this_process(self, text: str, filters: str | None) -> tuple[int, str]:
-        printed, errors = StringIO(), StringIO()
-        with redirect_stdout(printed), redirect_stderr(errors if filters else printed):
-            status = run(shlex.split(text)[1:])
-        if status or not filters:
-            return status, errors.getvalue() + printed.getvalue()
-        status, left = self._in_a_shell(filters, printed.getvalue())
-        return status, errors.getvalue() + left
-
-    def _in_a_shell(self, text: str, given: str = "") -> tuple[int, str]:
-        done = subprocess.run(
-            ["bash", "-c", f"set -o pipefail; {text}"],
-            input=given,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            cwd=self._folder,
-            env=self._environment,
-        )
-        return done.returncode, done.stdout
 
     def _serve(self, block: Block, command: Command) -> None:
         words = self._own(command.text).removesuffix("&")
@@ -104,8 +74,8 @@ class Reader:
             ["bash", "-c", f"exec {words}"],
             stdout=subprocess.PIPE,
             text=True,
-            cwd=self._folder,
-            env=self._environment,
+            cwd=self._shell.folder,
+            env=self._shell.environment,
         )
         self._servers.append(server)
         assert server.stdout is not None

@@ -16,7 +16,7 @@ from sonarhw.host.scanner import Scanner
 from sonarhw.protocol_check import check_protocol
 from sonarhw.readings import sector
 from tests.checkout import CHECKOUT
-from tests.system.docs.page_blocks import blocks_of
+from tests.transcripts import blocks_of
 
 PROGRAMS = {
     block.info: block.text

@@ -9,16 +9,15 @@ import numpy as np
 import pytest
 
 from sonarhw import Scanner, bringup
-from sonarhw.bringup import Diagnosis, Plate, Verdict, examine
+from sonarhw.bringup import Diagnosis, Plate, examine
 from sonarhw.device.emulated_board import EmulatedBoard, emulated_board
 from sonarhw.device.fake_board import BoardIdentity, FakeBoard, Wires, WiringFault
 from sonarhw.device.faults import FaultyDevice, read_faults
 from sonarhw.device.served import serve
 from sonarhw.readings import Ping, PingResult, Trace
-from sonarhw.wire.messages import ResetCause, Statistics, Wiring
-from tests.fixtures.example_logs import example_reading
+from sonarhw.wire.messages import Wiring
+from tests.fixtures.commands import sonarhw
 from tests.fixtures.plain_echoes import DISTANCE, PLATE_DEG, HallEchoes
-from tests.system.cli.instrument.test_scan_command import sonarhw
 
 PLATE = Plate(math.radians(PLATE_DEG), DISTANCE)
 MIRRORED = WiringFault.CAM_INVERTED | WiringFault.MARK_INVERTED | WiringFault.MOTOR_REVERSED
@@ -158,13 +157,6 @@ def test_a_missing_thermometer_is_no_failure() -> None:
     assert "skip  thermometer   none, or its wire is open\n" in done.stdout
 
 
-def test_a_scanner_that_does_not_answer_fails_the_first_check() -> None:
-    done = sonarhw("doctor", "socket://127.0.0.1:1")
-    assert (done.returncode, done.stderr) == (1, "socket://127.0.0.1:1: 1 check failed\n")
-    assert done.stdout.startswith("FAIL  line ")
-    assert "sonarhw ports" in done.stdout
-
-
 def test_older_firmware_is_checked_as_far_as_it_allows() -> None:
     board = FakeBoard(HallEchoes(), seed=2, identity=BoardIdentity(minor=1))
     with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
@@ -200,24 +192,6 @@ def test_a_slipping_table_fails_the_steps() -> None:
             if diagnosis.check == "zero":
                 board.slip(40)
     assert [diagnosis.check for diagnosis in made if diagnosis.verdict == "FAIL"] == ["steps"]
-
-
-@pytest.mark.parametrize(
-    ("nearest_deg", "verdict", "advice"),
-    [
-        (25, "pass", ""),
-        (-30, "FAIL", "the table turns the other way"),
-        (-90, "FAIL", "take away what is nearer"),
-    ],
-)
-def test_the_nearest_echo_must_be_on_the_side_of_the_plate(nearest_deg: float, verdict: Verdict, advice: str) -> None:
-    readings = [
-        replace(example_reading(n), angle=math.radians(deg), echo_times=(0.006 if deg == nearest_deg else 0.02,))
-        for n, deg in enumerate((-90, -30, 0, 25))
-    ]
-    diagnosis = bringup.direction(readings, math.radians(30), ["motor"])
-    assert diagnosis.verdict is verdict
-    assert advice in diagnosis.advice
 
 
 class NoisyHall(HallEchoes):
@@ -301,30 +275,3 @@ def test_steps_lost_by_a_turntable_without_a_mark_change_the_echoes() -> None:
     ):
         made = [*examine(scanner, True, None)]
     assert [one.check for one in made if one.verdict == "FAIL"] == ["steps"]
-
-
-@pytest.mark.parametrize(
-    ("cause", "resets", "verdict"),
-    [
-        (ResetCause.POWER, 0, "pass"),
-        (ResetCause.BROWNOUT, 0, "FAIL"),
-        (ResetCause.POWER, 2, "FAIL"),
-    ],
-)
-def test_a_weak_supply_is_seen_by_restarts(cause: ResetCause, resets: int, verdict: Verdict) -> None:
-    assert bringup.supply(Statistics(0, 0, 0, 0, 0, 0, cause, 0), resets).verdict is verdict
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (("--plate", "30"), "--plate, --distance: give both or none"),
-        (("--plate", "5", "--distance", "1"), "--plate 5: expected 10 to 60 degrees"),
-        (("--plate", "30", "--distance", "0"), "--distance 0: expected metres above 0"),
-        (("--plate", "30", "--distance", "1", "--no-turn"), "--plate, --no-turn"),
-    ],
-)
-def test_bad_options_are_refused(options: tuple[str, ...], message: str) -> None:
-    done = sonarhw("doctor", "socket://127.0.0.1:1", *options)
-    assert done.returncode == 2
-    assert message in done.stderr

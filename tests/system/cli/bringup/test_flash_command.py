@@ -8,8 +8,8 @@ import pytest
 
 from sonarhw.controllers import IMAGES
 from tests.checkout import CHECKOUT
+from tests.fixtures.commands import sonarhw
 from tests.system.cli.bringup.bootloader import bootloader_board
-from tests.system.cli.instrument.test_scan_command import sonarhw
 from tests.system.firmware.combinations.images import combinations
 
 FOLDER = CHECKOUT / "sonarhw" / "images"
@@ -149,25 +149,6 @@ def test_avrdude_gets_port_chip_and_image_and_its_last_line_is_shown(stand_in: P
     assert done.stderr.endswith("avrdude ends with exit status 1: chip does not answer\n")
     arguments = stand_in.read_text().strip()
     assert arguments == f"-q -p atmega2560 -c wiring -P {board.port} -b 115200 -D -U flash:w:{IMAGE}:i"
-
-
-@pytest.mark.usefixtures("stand_in")
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("socket://127.0.0.1:1",), "expected a serial port such as /dev/ttyACM0"),
-        (("/dev/ttyACM0", "--force"), "--force: also give --controller"),
-        (("/dev/ttyACM0", "--controller", "pico"), "pico"),
-        (
-            ("/dev/ttyACM0", "--controller", "nano", "--ranging", "polaroid", "--turning", "servo"),
-            "no prebuilt firmware for uno-polaroid-servo",
-        ),
-    ],
-)
-def test_bad_options_are_refused(arguments: tuple[str, ...], message: str) -> None:
-    done = sonarhw("flash", *arguments)
-    assert done.returncode == 2
-    assert message in done.stderr
 
 
 def test_a_missing_avrdude_is_named_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,8 +12,8 @@ from sonarhw.device.fake_board import BoardIdentity, FakeBoard, Wires, WiringFau
 from sonarhw.device.served import serve
 from sonarhw.log import read_log
 from sonarhw.wire.messages import Wiring
+from tests.fixtures.commands import sonarhw
 from tests.fixtures.plain_echoes import PlainEchoes
-from tests.system.cli.instrument.test_scan_command import sonarhw
 
 
 @contextmanager
@@ -74,21 +74,6 @@ def test_a_jog_shows_the_direction_of_the_motor(fault: WiringFault, sign: int) -
         done = sonarhw("turn", url, "--jog", "5")
         assert (done.returncode, done.stderr) == (0, f"{url}: turned by 5.0°\n")
         assert math.degrees(board._turntable.true_angle(1e9) - before) == pytest.approx(5 * sign)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("wiring", "--invert", "cam", "--normal", "cam"), "--invert, --normal: the same part is in both"),
-        (("turn", "--jog", "11"), "--jog 11: expected degrees between -10 and 10"),
-        (("turn", "--jog", "--zero-here", "5"), "--jog, --zero-here: give only one of them"),
-    ],
-)
-def test_bad_options_are_refused_in_one_line(arguments: tuple[str, ...], message: str) -> None:
-    command, *rest = arguments
-    done = sonarhw(command, "socket://127.0.0.1:1", *rest)
-    assert done.returncode == 2
-    assert message in done.stderr
 
 
 @pytest.mark.parametrize("arguments", [("wiring",), ("turn", "--jog", "5")])

@@ -42,15 +42,6 @@ def test_json_contains_the_pose_its_interval_and_units(log: str, capsys: pytest.
     assert abs((heading["value"] + 180) % 360 - 180) < 1
 
 
-def test_the_table_has_a_row_for_each_free_parameter(log: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["fit", log, "--place", "p3", "--free", "position,heading,offset", *QUICKLY]) == 0
-    out = capsys.readouterr().out
-    assert "95 % interval" in out
-    for name, unit in (("x", " m "), ("y", " m "), ("heading", "° "), ("offset", " m ")):
-        assert any(line.startswith(f"{name} ") and unit in line for line in out.splitlines())
-    assert "errors of readings" in out
-
-
 def test_a_prior_bounds_its_parameter(log: str, capsys: pytest.CaptureFixture[str]) -> None:
     prior = ["--prior", "x=1.30..1.37", "--free", "x,heading"]
     assert run(["fit", log, "--place", "p3", "--json", *QUICKLY, *prior]) == 0
@@ -71,29 +62,6 @@ def test_two_logs_share_an_offset_and_have_separate_places(
     assert estimates["x@p2"]["value"] == pytest.approx(1.80, abs=0.003)
 
 
-def test_fixed_coordinates_come_from_the_log(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    out = tmp_path / "somewhere.mcap"
-    assert run([*SIMULATE, "--place", "0.5,0.3", "--out", str(out)]) == 0
-    assert run(["fit", str(out), "--free", "x", "--json", *QUICKLY]) == 0
-    estimate = json.loads(capsys.readouterr().out)["estimates"]["x"]
-    assert estimate["value"] == pytest.approx(0.5, abs=0.003)
-
-
-def test_logs_of_different_rooms_or_boards_are_refused(
-    log: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    for name, room, board in (("room", "simple", "hc-sr04"), ("board", "arena", "lego-nxt")):
-        other = tmp_path / f"{name}.mcap"
-        command = ["simulate", f"rooms/{room}.toml", "--place", "0.5,0.3", "--board", board, "--step", "20"]
-        assert run([*command, "--out", str(other)]) == 0
-        capsys.readouterr()
-        assert run(["fit", log, str(other)]) == 2
-        printed = capsys.readouterr().err
-        assert "different" in printed
-        assert f"give one {name} for both" in printed
-        assert printed.count("\n") == 1
-
-
 def test_a_place_outside_the_room_gives_a_warning_and_heading_intervals_span_at_most_a_circle(
     log: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -104,37 +72,6 @@ def test_a_place_outside_the_room_gives_a_warning_and_heading_intervals_span_at_
     assert heading["deviation"] <= 180
     half = 180 + 1e-9  # conversion to degrees rounds
     assert heading["value"] - half <= heading["lower"] <= heading["upper"] <= heading["value"] + half
-
-
-def test_wrong_options_are_refused_before_a_log_is_read(capsys: pytest.CaptureFixture[str]) -> None:
-    for wrong in (["--free", "wind"], ["--prior", "offset=1..2"], ["--prior", "x=1"], ["--place", "q9"]):
-        assert run(["fit", "there-is-none.mcap", "--room", "rooms/arena.toml", *wrong]) == 2
-        assert wrong[1] in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--free", "wind"], "free wind: unknown quantity; expected some of x, y"),
-        (["--free", ""], "nothing is free"),
-        (["--prior", "y"], "expected NAME=VALUE+-DEVIATION"),
-        (["--prior", "wind=1..2"], "wind is not free; add it to --free, or use one of x, y, heading"),
-        (["--prior", "x=1.5..1.2"], "LOW below HIGH"),
-        (["--prior", "x=9+-1"], "a value from"),
-        (["--prior", "heading=5+-0"], "heading=5+-0: expected a deviation of at least 1e-06\n"),
-        (["--prior", "x=0..1e400"], "and numbers from -1e+06 to 1e+06"),
-        (["--prior", "x=0+-1e308"], "and numbers from -1e+06 to 1e+06"),
-        (["--place", "p3", "--place", "p2"], "expected one for each of 1 log, got 2"),
-    ],
-)
-def test_wrong_options_give_an_error_of_one_line(
-    log: str, arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run(["fit", log, *arguments]) == 2
-    printed = capsys.readouterr().err
-    assert printed.startswith("sonarhw: ")
-    assert printed.count("\n") == 1
-    assert message in printed
 
 
 def test_fitted_room_and_board_are_written_and_comments_kept(tmp_path: Path) -> None:
@@ -198,41 +135,6 @@ def test_a_profile_names_the_values_that_it_keeps() -> None:
     assert "threshold_db = -17.5  # tuned" in text
 
 
-@pytest.fixture(scope="module")
-def others(log: str, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """Copies of the recording `log` in other files, and one other scan."""
-    folder = tmp_path_factory.mktemp("others")
-    whole = Path(log).read_bytes()
-    files = {name: folder / f"{name}.mcap" for name in ("copy", "torn", "linked", "exported", "again")}
-    files["copy"].write_bytes(whole)
-    files["torn"].write_bytes(whole[: len(whole) * 3 // 4])
-    files["linked"].symlink_to(log)
-    assert run(["log", "export", log, "--out", str(files["exported"])]) == 0
-    again = ["--place", "p3", "--step", "6", "--to", "354", "--board", "lego-nxt"]
-    assert run(["simulate", "rooms/arena.toml", *again, "--out", str(files["again"])]) == 0
-    return {name: str(file) for name, file in files.items()}
-
-
-@pytest.mark.parametrize("how", ["copy", "torn", "linked", "exported"])
-@pytest.mark.parametrize("command", [["fit", "--samples", "0", "--room", "rooms/arena.toml"], ["map"]])
-def test_the_same_recording_in_two_files_is_refused(
-    how: str, command: list[str], log: str, others: dict[str, str], capsys: pytest.CaptureFixture[str]
-) -> None:
-    name, *options = command
-    capsys.readouterr()
-    assert run([name, log, others[how], "--place", "p3", "--place", "p3", *options]) == 2
-    printed = capsys.readouterr()
-    assert printed.out == ""
-    *warnings, refused = printed.err.splitlines()
-    assert len(warnings) == (how == "torn")
-    assert refused == f"sonarhw: {log} and {others[how]} contain the same readings; give each log once"
-
-
-def test_two_scans_from_one_place_are_mapped(log: str, others: dict[str, str]) -> None:
-    boards = ["--board", "polaroid-6500"]
-    assert run(["map", log, others["again"], "--place", "p3", "--place", "p3", *boards, "--json"]) == 0
-
-
 def test_a_fitted_profile_does_not_call_fitted_values_tuned() -> None:
     threshold, offset = Parameter(THRESHOLD), Parameter(OFFSET)
     deviations = {threshold: 0.31, offset: 0.002}
@@ -250,22 +152,3 @@ def test_a_fitted_profile_does_not_call_fitted_values_tuned() -> None:
     assert changed["range_offset"] == "range_offset = 0.01  # fitted ± 0.00200; before: 0"
     # values that were not fitted keep their tuned values
     assert "aperture_radius = 0.00375    # m, tuned" in own
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--out", "found.txt"], "--out found.txt: expected a name ending in .toml"),
-        (["--board-out", "mine.toml"], "would contain no fitted value; add one of these to --free: offset"),
-        (
-            ["--free", "offset", "--out", "found.toml"],
-            "would contain no fitted value; add one of these to --free: x, y",
-        ),
-        (["--free", "x,offset", "--out", "a.toml", "--board-out", "a.toml"], "give each a file of its own"),
-    ],
-)
-def test_a_file_that_would_contain_no_fitted_value_is_refused(
-    log: str, arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run(["fit", log, *arguments]) == 2
-    assert message in capsys.readouterr().err

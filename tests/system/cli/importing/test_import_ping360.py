@@ -9,7 +9,7 @@ import pytest
 from sonarhw_cli.app import run
 
 from sonarhw.log import read_log
-from tests.system.cli.importing.test_import_csv import degrees
+from tests.system.cli.importing.test_import_text import degrees
 
 
 def text_of_qt(text: str) -> bytes:

@@ -11,7 +11,7 @@ from sonarhw_cli.app import run
 
 from sonarhw.log import read_log
 from sonarhw.readings import FloatArray
-from tests.system.cli.importing.test_import_csv import degrees
+from tests.system.cli.importing.test_import_text import degrees
 
 
 def pulses() -> FloatArray:
@@ -69,46 +69,6 @@ def test_text_has_room_for_the_longest_traces_and_not_for_longer_ones(
 
 
 @pytest.mark.parametrize(
-    ("name", "content", "options", "message"),
-    [
-        ("a.wav", b"RIFF1234WAVE", [], "is not a WAV file"),
-        ("a.wav", b"no", [], "is not a WAV file"),
-        ("a.wav", b"", ["--rate", "1e5"], "--rate 100000: a WAV file has its own"),
-        ("a.npy", b"", ["--rate", "1e5"], "is not an array of NumPy"),
-        ("a.npy", b"0.1 0.2\n", ["--rate", "1e5"], "This file contains pickled (object) data\n"),
-        ("a.npy", b"\x93NUMPY\1\0", ["--rate", "1e5"], "is not an array of NumPy"),
-        ("a.npy", b"", [], "needs --rate, Hz"),
-        ("a.mat", b"", ["--rate", "1e5"], "is not a MAT file"),
-        ("a.mat", b"MATLAB 5.0 MAT-file" * 20, ["--rate", "1e5"], "is not a MAT file"),
-        ("a.csv", b"", ["--rate", "1e5"], "the file is empty"),
-        ("a.csv", b"0.1,x\n", ["--rate", "1e5"], "line 1: could not convert string to float: 'x'"),
-        ("a.csv", b"0.1,0.2\n0.1\n", ["--rate", "1e5"], "line 2: 1 samples; expected 2, as above"),
-        ("a.csv", b"0.1,2.5\n", ["--rate", "1e5"], "a sample of 2.5; expected shares of full scale"),
-        ("a.csv", b"0.1,nan\n", ["--rate", "1e5"], "a sample of nan; expected shares of full scale"),
-        ("a.csv", b"0.1,0.2\n", ["--rate", "5"], "a sampling rate of 5.0 Hz; expected 1000 to 1e+07 Hz"),
-        ("a.csv", b"0.1,0.2\n", ["--rate", "1e5", "--heading", "a"], "--heading: only for CSV files"),
-        ("a.csv", b"0.1,0.2\n", ["--rate", "1e5", "--step", "999"], "--step 999: expected -360 to 360 degrees"),
-        ("a.log", b"SONAR 1", ["--step", "9"], "--step 9: only for raw traces, ROS and text"),
-        ("a.log", b"SONAR 1", ["--unit", "cm"], "--unit cm: only for text; a.log has the format CARMEN logs"),
-        ("a.npz", b"PK\3\4 no", ["--rate", "1e5"], "is not an NPZ file of NumPy"),
-        ("a.npy", b"PK\3\4 no", ["--rate", "1e5"], "is not an NPZ file of NumPy"),
-        ("a.wav", b"RIFF\x24\0\0\0WAVEfmt " + bytes(12), [], "is not a WAV file"),
-        ("a.csv", b"1,1\n1,1\n1,1\n", ["--rate", "1e5"], "an array of 3 rows and 2 columns; the pings may be"),
-        ("a.csv", b"0.1,0.2\n", ["--rate", "1e5", "--full-scale", "0"], "--full-scale 0: expected a number above 0"),
-    ],
-)
-def test_wrong_raw_traces_are_refused_in_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, content: bytes, options: list[str], message: str
-) -> None:
-    (tmp_path / name).write_bytes(content)
-    assert run(["import", str(tmp_path / name), "--out", str(tmp_path / "out.mcap"), *options]) == 2
-    error = capsys.readouterr().err
-    assert message in error
-    assert error.count("\n") == 1
-    assert not (tmp_path / "out.mcap").exists()
-
-
-@pytest.mark.parametrize(
     ("table", "message"),
     [
         (np.zeros((2, 3, 4)), "an array of shape (2, 3, 4)"),
@@ -123,21 +83,3 @@ def test_an_array_of_another_shape_is_refused(
     command = ["import", str(tmp_path / "a.npy"), "--out", str(tmp_path / "out.mcap"), "--rate", "1e5"]
     assert run(command) == 2
     assert message in capsys.readouterr().err
-
-
-def test_a_parser_that_raises_anything_gives_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Files for which NumPy and SciPy raise BadZipFile, TokenError, ZeroDivisionError and IndexError."""
-    np.savez(tmp_path / "archive.npz", np.zeros(3))
-    damaged = {
-        "archive.npy": (tmp_path / "archive.npz").read_bytes()[:200],
-        "nested.npy": b"\x93NUMPY\x01\x00" + (9000).to_bytes(2, "little") + b"(" * 9000,
-        "chunk.wav": b"RIFF\x24\0\0\0WAVEfmt \x10\0\0\0\1\0\1\0\0\0\0\0\0\0\0\0\0\0\0\0data\0\0\0\0",
-        "short.mat": b"MATLAB 5.0 MAT-file".ljust(126) + b"\1",
-    }
-    for name, content in damaged.items():
-        (tmp_path / name).write_bytes(content)
-        rate = [] if name.endswith(".wav") else ["--rate", "1e5"]
-        assert run(["import", str(tmp_path / name), "--out", str(tmp_path / "out.mcap"), *rate]) == 2
-        error = capsys.readouterr().err
-        assert error.startswith(f"sonarhw: {tmp_path / name}: is ")
-        assert error.count("\n") == 1

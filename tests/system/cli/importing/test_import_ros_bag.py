@@ -29,59 +29,37 @@ def stamped(store: Any, seconds: int, ros1: bool) -> Any:
 def messages(store: Any, ros1: bool) -> list[tuple[str, str, Any]]:
     """Two sweeps, and a ping of each of two sonars: topic, type and message."""
     scan, sonar = store.types["sensor_msgs/msg/LaserScan"], store.types["sensor_msgs/msg/Range"]
-    sweeps = [
-        scan(
-            stamped(store, 1, ros1),
-            -0.5,
-            0.5,
-            0.25,
-            0.0,
-            0.1,
-            0.02,
-            4.0,
-            np.array(RANGES, np.float32),
-            np.zeros(0, np.float32),
-        )
-        for _ in range(2)
-    ]
+    numbers = (-0.5, 0.5, 0.25, 0.0, 0.1, 0.02, 4.0)  # angles, times and limits
+    sweep = scan(stamped(store, 1, ros1), *numbers, np.array(RANGES, np.float32), np.zeros(0, np.float32))
     extra = {"variance": 0.0} if "variance" in sonar.__dataclass_fields__ else {}
-    pings = [
-        sonar(
-            header=stamped(store, 2, ros1),
-            radiation_type=0,
-            field_of_view=0.5,
-            min_range=0.02,
-            max_range=4.0,
-            range=far,
-            **extra,
-        )
-        for far in (0.75, 5.0)
-    ]
+    limits = {"radiation_type": 0, "field_of_view": 0.5, "min_range": 0.02, "max_range": 4.0}
+    pings = [sonar(header=stamped(store, 2, ros1), **limits, range=far, **extra) for far in (0.75, 5.0)]
     return [
-        ("/scan", scan.__msgtype__, sweeps[0]),
-        ("/scan", scan.__msgtype__, sweeps[1]),
+        ("/scan", scan.__msgtype__, sweep),
+        ("/scan", scan.__msgtype__, sweep),
         ("/sonar/left", sonar.__msgtype__, pings[0]),
         ("/sonar/right", sonar.__msgtype__, pings[1]),
     ]
 
 
+def fill(writer: Any, store: Any, ros1: bool) -> None:
+    connections: dict[str, Any] = {}
+    for number, (topic, kind, message) in enumerate(messages(store, ros1)):
+        if topic not in connections:
+            connections[topic] = writer.add_connection(topic, kind, typestore=store)
+        data = store.serialize_ros1(message, kind) if ros1 else store.serialize_cdr(message, kind)
+        writer.write(connections[topic], (number + 1) * 10**9, data)
+
+
 def ros1_bag(folder: Path) -> Path:
-    store = typesys.get_typestore(typesys.Stores.ROS1_NOETIC)
     with rosbag1.Writer(folder / "a.bag") as writer:
-        for number, (topic, kind, message) in enumerate(messages(store, ros1=True)):
-            connection = next((one for one in writer.connections if one.topic == topic), None)
-            connection = connection or writer.add_connection(topic, kind, typestore=store)
-            writer.write(connection, (number + 1) * 10**9, store.serialize_ros1(message, kind))
+        fill(writer, typesys.get_typestore(typesys.Stores.ROS1_NOETIC), ros1=True)
     return folder / "a.bag"
 
 
 def ros2_bag(folder: Path, plugin: Any) -> Path:
-    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
     with rosbag2.Writer(folder / "bag", version=9, storage_plugin=plugin) as writer:
-        for number, (topic, kind, message) in enumerate(messages(store, ros1=False)):
-            connection = next((one for one in writer.connections if one.topic == topic), None)
-            connection = connection or writer.add_connection(topic, kind, typestore=store)
-            writer.write(connection, (number + 1) * 10**9, store.serialize_cdr(message, kind))
+        fill(writer, typesys.get_typestore(typesys.Stores.ROS2_HUMBLE), ros1=False)
     return folder / "bag"
 
 

@@ -28,9 +28,9 @@ from sonarhw.device.served import serve
 from sonarhw.foxglove import FoxgloveServer
 from sonarhw.log import read_log
 from sonarhw.readings import Reading, Trace
+from tests.fixtures.commands import SIMPLE_ROOM, end, lines, sonarhw, started
 from tests.fixtures.plain_echoes import PlainEchoes
 from tests.hang_guard import HANG
-from tests.system.cli.instrument.test_scan_command import SIMPLE_ROOM, end, lines, sonarhw, started
 
 DATA = struct.Struct("<BIQ")  # message data of Foxglove's protocol: 1, subscription, time in ns
 WHERE = ("--room", str(SIMPLE_ROOM), "--place", "figure9")

@@ -57,33 +57,6 @@ def test_command_under_a_figure_predicts_the_figure(scene: PaperScene, capsys: p
     assert printed == drawn[::EACH]
 
 
-def test_an_existing_picture_is_not_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "figure9.png").write_bytes(b"mine")
-    assert run(["figures", str(tmp_path)]) == 2
-    message = capsys.readouterr().err
-    assert message.count("\n") == 1
-    assert "figure9.png: exists already; choose another DIR or add --force" in message
-    assert (tmp_path / "figure9.png").read_bytes() == b"mine"
-    assert [file.name for file in tmp_path.iterdir()] == ["figure9.png"]
-
-
-def test_a_file_in_place_of_the_folder_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file = tmp_path / "figures"
-    file.write_text("")
-    assert run(["figures", str(file)]) == 2
-    assert capsys.readouterr().err == f"sonarhw: {file}: is a file; give the name of a folder\n"
-
-
-def test_a_folder_that_cannot_be_created_gives_an_error_of_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "file").write_text("")
-    assert run(["figures", str(tmp_path / "file" / "below")]) == 2
-    message = capsys.readouterr().err
-    assert "cannot be created" in message
-    assert message.count("\n") == 1
-
-
 def test_ctrl_c_as_soon_as_the_folder_exists_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     make = Path.mkdir
 
