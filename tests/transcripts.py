@@ -19,18 +19,17 @@ import shlex
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
-from io import BytesIO, TextIOWrapper
 from pathlib import Path
 
-from sonarhw_cli.app import run
+from tests.fixtures.commands import sonarhw
 
 SHELL, PYTHON = "", "python"
 _BLOCK = re.compile(r"((?:^<!--.*?-->\n+)*)^```([a-z]*)\n(.*?)^```$", flags=re.DOTALL | re.MULTILINE)
 _COMMENT = re.compile(r"<!-- (not run|run first|file): (.*?) -->", flags=re.DOTALL)
 # one command, without patterns, variables and redirections outside quotes; and the filters of its output
 _PLAIN = re.compile(r"""(sonarhw(?: (?:[^\s'"$`*?;&|<>(){}\\#~!]|'[^']*'|"[^"$`\\]*")*)+)(?:\| ([^<>]+))?""")
+_COMPILING = "sonarhw: Compiling the ray kernels"  # once per installation, and after a change of a kernel
 _OWN = "sonarhw: "  # begins every line that commands themselves write to standard error about errors
 
 
@@ -74,19 +73,12 @@ def _block(page: Path, line: int, match: re.Match[str]) -> Block:
     return Block(f"{page.name}, line {line}", match[2], match[3], first, marks.get("not run"), marks.get("file"))
 
 
-@dataclass(frozen=True)
-class Output:
-    """What a command printed, and its exit status."""
-
-    status: int
-    out: str
-    err: str
-
-    def shown(self) -> str:
-        """Return the output as a transcript shows it."""
-        errors = (line if line.startswith(_OWN) else f"2> {line}".rstrip() for line in self.err.splitlines())
-        status = [f"[{self.status}]"] if self.status else []
-        return self.out + "".join(f"{line}\n" for line in (*errors, *status))
+def shown(done: subprocess.CompletedProcess[str]) -> str:
+    """Return the output of a command as a transcript shows it."""
+    lines = (line for line in done.stderr.splitlines() if not line.startswith(_COMPILING))
+    errors = (line if line.startswith(_OWN) else f"2> {line}".rstrip() for line in lines)
+    status = [f"[{done.returncode}]"] if done.returncode else []
+    return done.stdout + "".join(f"{line}\n" for line in (*errors, *status))
 
 
 class Shell:
@@ -98,23 +90,23 @@ class Shell:
         self.environment = os.environ | {"PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
         self._apart = apart
 
-    def run(self, text: str) -> Output:
-        """Run a line, and return its output."""
+    def run(self, text: str) -> subprocess.CompletedProcess[str]:
+        """Run a line; return its status and output."""
         plain = _PLAIN.fullmatch(text)
         if plain is None:
             return self._in_bash(text)
-        out, err = (TextIOWrapper(BytesIO(), encoding="utf-8", write_through=True) for _ in range(2))
-        with redirect_stdout(out), redirect_stderr(err if self._apart or plain[2] else out):
-            status = run(shlex.split(plain[1])[1:])
-        if status or plain[2] is None:
-            return Output(status, _text(out), _text(err))
-        filtered = self._in_bash(plain[2], _text(out))
+        done = sonarhw(*shlex.split(plain[1])[1:], apart=self._apart or bool(plain[2]))
+        if done.returncode or plain[2] is None:
+            return done
+        filtered = self._in_bash(plain[2], done.stdout)
         if self._apart:
-            return Output(filtered.status, filtered.out, _text(err) + filtered.err)
-        return Output(filtered.status, _text(err) + filtered.out, "")
+            filtered.stderr = done.stderr + filtered.stderr
+        else:
+            filtered.stdout = done.stderr + filtered.stdout
+        return filtered
 
-    def _in_bash(self, text: str, given: str = "") -> Output:
-        done = subprocess.run(
+    def _in_bash(self, text: str, given: str = "") -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
             ["bash", "-c", f"set -o pipefail; {text}"],
             input=given,
             stdout=subprocess.PIPE,
@@ -123,12 +115,6 @@ class Shell:
             cwd=self.folder,
             env=self.environment,
         )
-        return Output(done.returncode, done.stdout, done.stderr or "")
-
-
-def _text(stream: TextIOWrapper) -> str:
-    stream.seek(0)
-    return stream.read()
 
 
 def differences(page: Path, shell: Shell) -> Iterator[str]:
@@ -141,10 +127,10 @@ def differences(page: Path, shell: Shell) -> Iterator[str]:
             (shell.folder / block.file).write_text(block.text, encoding="utf-8")
         for command in [] if block.file else block.commands():
             before = _files(shell.folder)
-            output = shell.run(command.text)
-            if not matches(output.shown(), command.printed):
-                yield f"{block.where}: $ {command.text}\n{output.shown()}expected:\n{command.printed}"
-            if output.status == 2 and _files(shell.folder) != before:
+            done = shell.run(command.text)
+            if not matches(shown(done), command.printed):
+                yield f"{block.where}: $ {command.text}\n{shown(done)}expected:\n{command.printed}"
+            if done.returncode == 2 and _files(shell.folder) != before:
                 yield f"{block.where}: $ {command.text}\nis refused, but changes files\n"
 
 
@@ -153,7 +139,7 @@ def _files(folder: Path) -> dict[Path, tuple[int, int]]:
     return {path: (stat.st_mtime_ns, stat.st_size) for path, stat in stats.items()}
 
 
-def matches(shown: str, expected: str) -> bool:
+def matches(output: str, expected: str) -> bool:
     """Return whether an output is the expected one, in which `…` stands for any text."""
     lines = (".*".join(map(re.escape, line.split("…"))) + "\n" for line in expected.splitlines())
-    return re.fullmatch("".join("(?:.*\n)*" if line == ".*\n" else line for line in lines), shown) is not None
+    return re.fullmatch("".join("(?:.*\n)*" if line == ".*\n" else line for line in lines), output) is not None

@@ -60,9 +60,9 @@ class Reader:
 
     def _run(self, block: Block, command: Command) -> None:
         text = self._own(command.text)
-        output = self._shell.run(text)
-        printed = output.out
-        assert output.status == 0, f"{block.where}: {command.text}\n{printed}"
+        done = self._shell.run(text)
+        printed = done.stdout
+        assert done.returncode == 0, f"{block.where}: {command.text}\n{printed}"
         if command.printed:
             expected = self._own(command.printed)
             units = next((most for search, most in SEARCHES.items() if text.startswith(search)), 0)

@@ -1,6 +1,7 @@
-"""Counts over real scans: chances of agreement against the binomial distribution, echoes against a known scan."""
+"""Benchmarks with real scans: chances of agreement, echoes of a known scan, and a folder with another layout."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.room import load_room
 
 from benchmarks.real.heard_paths import first_echoes
+from benchmarks.real.judged_scans import load_scans
 from benchmarks.real.located_scans import chance_of_agreement
 from sonarhw.readings import Reading
 
@@ -39,3 +41,25 @@ def test_echoes_of_a_known_scan_are_heard_but_those_that_are_removed() -> None:
     assert unheard == [ranges[k] for k in sorted(removed) if not math.isnan(ranges[k])]
     assert len(unheard) > 0
     assert all(echo.over_threshold >= 0 and echo.reflections >= 1 for echo in found)
+
+
+@pytest.mark.parametrize(
+    ("listing", "message"),
+    [
+        (None, "scans.csv: no such file; --help describes the layout"),
+        ("scan,x_m,y_m\n", "scans.csv: no column turn; --help describes the layout"),
+        ("scan,x_m,y_m,turn\nA00,1,1,cw\n", "A00.csv: no such file, but scans.csv lists it"),
+    ],
+)
+def test_another_layout_gives_one_line(tmp_path: Path, listing: str | None, message: str) -> None:
+    if listing is not None:
+        (tmp_path / "scans.csv").write_text(listing)
+    with pytest.raises(SystemExit) as ended:
+        load_scans(tmp_path)
+    assert message in str(ended.value)
+    assert "\n" not in str(ended.value)
+
+
+def test_a_missing_folder_gives_one_line(tmp_path: Path) -> None:
+    with pytest.raises(SystemExit, match=r"no such folder: .*nowhere; --help describes the layout"):
+        load_scans(tmp_path / "nowhere")
