@@ -1,4 +1,4 @@
-"""Files that commands write: completely or not at all. The transcript `files.md` has the names that are refused."""
+"""Files that commands write: completely or not at all. The transcript `output_names.md` has the refused names."""
 
 import shlex
 import subprocess
