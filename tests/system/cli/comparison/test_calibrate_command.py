@@ -1,10 +1,13 @@
 """`sonarhw calibrate` with a served board: the written profile is valid and has the simulated offset and angle."""
 
+import errno
+import json
 import math
-import subprocess
+import os
 from pathlib import Path
 
 import pytest
+from sonarhw_cli.app import run
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.room_echoes import plate_echo
@@ -12,7 +15,7 @@ from sonarhw_sim.predict.room_echoes import plate_echo
 from sonarhw.device.fake_board import FakeBoard
 from sonarhw.device.served import serve
 from sonarhw.sound_speed import speed_of_sound
-from tests.fixtures.commands import SIMPLE_ROOM, printed, printed_json, sonarhw
+from tests.checkout import CHECKOUT
 from tests.fixtures.plate import Plate
 
 DISTANCE = 1.25
@@ -26,49 +29,88 @@ cycles = 6
 """
 
 
-def calibrated(out: Path, *options: str | Path) -> subprocess.CompletedProcess[str]:
+def calibrated(out: Path, *options: str) -> int:
     """Calibrate with a plate 2 degrees to the left of its stated angle, whose ranges are 8 mm longer than predicted."""
     longer = 0.008 + plate_echo(load_board("polaroid-6500"), Air(), DISTANCE).delay
     board = FakeBoard(Plate(DISTANCE, math.radians(2.0), longer, speed_of_sound(20.0)))
     with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
-        return sonarhw("calibrate", endpoint.url, "--distance", str(DISTANCE), "--out", out, *options)
+        return run(["calibrate", endpoint.url, "--distance", str(DISTANCE), "--out", str(out), *options])
 
 
-def test_the_profile_contains_offset_and_home_angle_of_the_plate(tmp_path: Path) -> None:
-    out, again = tmp_path / "bench.toml", tmp_path / "again.toml"
-    assert "range offset +8." in calibrated(out).stdout
-    profile, shipped = load_board(out), load_board("polaroid-6500")
+def test_the_profile_contains_offset_and_home_angle_of_the_plate(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "bench.toml"
+    assert calibrated(out) == 0
+    printed = capsys.readouterr().out
+    assert "range offset +8." in printed
+    profile, shipped = load_board(str(out)), load_board("polaroid-6500")
     assert profile.name == "bench"
     assert profile.range_offset == pytest.approx(0.008, abs=0.001)
     assert profile.home_angle_deg == pytest.approx(-2.0, abs=0.26)
-    for key in ("frequency", "blanking", "threshold_db"):
-        assert getattr(profile, key) == getattr(shipped, key)
+    assert (profile.frequency, profile.blanking, profile.threshold_db) == (
+        shipped.frequency,
+        shipped.blanking,
+        shipped.threshold_db,
+    )
     assert "# m, measured minus true; before: 0\n" in profile.text
     # again, with the written profile: its keys are replaced, not added
-    assert calibrated(out, "--board", out, "--force").returncode == 2
-    assert calibrated(again, "--board", out).returncode == 0
-    assert load_board(again).range_offset == pytest.approx(profile.range_offset, abs=1e-5)
+    assert calibrated(out, "--board", str(out), "--force") == 2
+    again = tmp_path / "again.toml"
+    assert calibrated(again, "--board", str(out)) == 0
+    assert load_board(str(again)).range_offset == pytest.approx(profile.range_offset, abs=1e-5)
 
 
-def test_a_missing_plate_gives_an_error_and_no_profile(tmp_path: Path) -> None:
-    done = calibrated(tmp_path / "bench.toml", "--distance", "3.0")
-    assert "the plate is detected at 0 headings" in done.stderr
-    assert f"with a median of {DISTANCE:.1f}" in done.stderr
-    assert (done.returncode, [*tmp_path.iterdir()]) == (1, [])
+@pytest.mark.parametrize(
+    "options",
+    [("--distance", "0.1"), ("--distance", "100"), ("--width", "1"), ("--width", "12", "--step", "2")],
+)
+def test_bad_usage_is_one_line_and_leaves_no_profile(
+    options: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "bench.toml"
+    assert run(["calibrate", "socket://127.0.0.1:9", "--distance", "1", "--out", str(out), *options]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
+    assert not out.exists()
 
 
-def test_offset_and_home_angle_are_used_by_the_prediction(tmp_path: Path) -> None:
+def test_a_ring_of_sensors_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    ring = tmp_path / "ring.toml"
+    ring.write_text(f"{load_board('hc-sr04').text}\n[ring]\nsensors = 4\nradius = 0.1\n")
+    assert calibrated(tmp_path / "bench.toml", "--board", str(ring)) == 2
+    assert "has a ring of sensors; a plate calibrates a head on a turntable" in capsys.readouterr().err
+
+
+def test_a_sector_of_too_few_headings_is_refused_before_the_turntable_moves(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert calibrated(tmp_path / "bench.toml", "--width", "2", "--step", "2") == 2
+    assert "--width 2, --step 2: 1 heading; expected at least 7" in capsys.readouterr().err
+
+
+def test_a_missing_plate_gives_an_error_and_no_profile(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "bench.toml"
+    assert calibrated(out, "--distance", "3.0") == 1
+    error = capsys.readouterr().err
+    assert "the plate is detected at 0 headings" in error
+    assert f"with a median of {DISTANCE:.1f}" in error
+    assert not out.exists()
+
+
+def test_offset_and_home_angle_are_used_by_the_prediction(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    room = str(CHECKOUT / "rooms" / "simple.toml")
     profile, log = tmp_path / "bench.toml", tmp_path / "scan.mcap"
     profile.write_text(f"{load_board('polaroid-6500').text}\nrange_offset = 0.01\nhome_angle_deg = 30.0\n")
-    place = ("simulate", SIMPLE_ROOM, "--place", "figure7")
-    printed(*place, "--out", log)
-    shipped, own = (
-        [float(row.split(",")[1]) for row in printed(*place, "--step", "90", "--board", board).splitlines()[1:]]
-        for board in ("polaroid-6500", profile)
-    )
-    assert own == pytest.approx([value + 0.01 for value in shipped], abs=1e-8)
-    for board, heading in (("polaroid-6500", 0.0), (profile, 30.0)):
-        assert printed_json("compare", log, "--board", board)["heading_deg"] == pytest.approx(heading)
+    ranges = []
+    for board in ("polaroid-6500", str(profile)):
+        assert run(["simulate", room, "--place", "figure7", "--step", "90", "--board", board]) == 0
+        ranges.append([float(line.split(",")[1]) for line in capsys.readouterr().out.splitlines()[1:]])
+    assert ranges[1] == pytest.approx([value + 0.01 for value in ranges[0]], abs=1e-8)
+    assert run(["simulate", room, "--place", "figure7", "--out", str(log)]) == 0
+    capsys.readouterr()
+    for board, heading in (("polaroid-6500", 0.0), (str(profile), 30.0)):
+        assert run(["compare", str(log), "--room", room, "--place", "figure7", "--board", board, "--json"]) == 0
+        assert json.loads(capsys.readouterr().out)["heading_deg"] == pytest.approx(heading)
 
 
 ROOM = """
@@ -96,20 +138,14 @@ def post(distance: float, radius: float) -> str:
     return f'[[posts]]\nname = "post"\ncenter = [{distance + radius}, 0.0]\nradius = {radius}\nmaterial = "steel"\n'
 
 
-def in_room(folder: Path, objects: str, seed: int) -> subprocess.CompletedProcess[str]:
-    """Calibrate in front of these objects.
-
-    The fake stands some millimetres from its place, and its thermometer is wrong by some tenths of a degree.
-    """
-    (folder / "room.toml").write_text(ROOM + objects)
-    url = f"fake:{folder / 'room.toml'}?place=bench&pace=max&seed={seed}"
-    return sonarhw("calibrate", url, "--distance", str(DISTANCE), "--out", folder / "bench.toml")
-
-
 @pytest.mark.parametrize(("tilt", "seed"), [(0.0, 2), (3.0, 4), (-6.0, 2)])
 def test_a_plate_in_a_simulated_room_gives_right_values(tmp_path: Path, tilt: float, seed: int) -> None:
-    assert in_room(tmp_path, plate(DISTANCE, tilt), seed).returncode == 0
-    found = load_board(tmp_path / "bench.toml")
+    """The fake stands some millimetres from its place, and its thermometer is wrong by some tenths of a degree."""
+    room, out = tmp_path / "room.toml", tmp_path / "bench.toml"
+    room.write_text(ROOM + plate(DISTANCE, tilt))
+    url = f"fake:{room}?place=bench&pace=max&seed={seed}"
+    assert run(["calibrate", url, "--distance", str(DISTANCE), "--out", str(out)]) == 0
+    found = load_board(str(out))
     # the near rim of a turned plate is some millimetres farther than the plate, so noise hides where it begins
     assert found.home_angle_deg == pytest.approx(-tilt, abs=0.6 if tilt else 0.3)
     assert found.range_offset == pytest.approx(DISTANCE * (math.cos(math.radians(tilt)) - 1), abs=0.010)
@@ -131,23 +167,90 @@ def test_a_plate_in_a_simulated_room_gives_right_values(tmp_path: Path, tilt: fl
     ],
     ids=["no plate", "too far", "too near", "tilt 12", "tilt 25", "tilt 40", "thin post", "post"],
 )
-def test_anything_but_a_plate_at_the_stated_distance_is_refused(tmp_path: Path, objects: str, seen: str) -> None:
-    done = in_room(tmp_path, objects, 1)
-    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
-    assert seen in done.stderr
-    assert not (tmp_path / "bench.toml").exists()
+def test_anything_but_a_plate_at_the_stated_distance_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], objects: str, seen: str
+) -> None:
+    room, out = tmp_path / "room.toml", tmp_path / "bench.toml"
+    room.write_text(ROOM + objects)
+    url = f"fake:{room}?place=bench&pace=max&seed=1"
+    assert run(["calibrate", url, "--distance", str(DISTANCE), "--out", str(out)]) == 1
+    error = capsys.readouterr().err
+    assert seen in error
+    assert error.count("\n") == 1
+    assert not out.exists()
 
 
 @pytest.mark.parametrize(
-    ("name", "trailing"), [("bench", "[mount]\nahead = 0.01\n"), ('a "quoted" back\\slash\n# umlaut ä', CHIRP)]
+    ("distance", "direction"),
+    [
+        (1.0, 180),
+        pytest.param(1.5, 0, marks=pytest.mark.soak),
+        pytest.param(1.0, 270, marks=pytest.mark.soak),
+    ],
+)
+def test_clutter_of_a_laboratory_is_no_plate(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], distance: float, direction: int
+) -> None:
+    out = tmp_path / "bench.toml"
+    options = ["--distance", str(distance), "--direction", str(direction), "--step", "1", "--out", str(out)]
+    assert run(["calibrate", "fake:rooms/laboratory.toml?place=bench&pace=max", *options]) == 1
+    assert capsys.readouterr().err.count("\n") == 1
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "trailing"),
+    [
+        ("bench", "[mount]\nahead = 0.01\n"),
+        ("bench", CHIRP),
+        ('a "quoted" name', CHIRP),
+        ("back\\slash", CHIRP),
+        ("newline\n#", CHIRP),
+        ("umlaut ä", CHIRP),
+    ],
 )
 def test_keys_go_to_the_top_of_the_profile_and_any_name_is_valid(tmp_path: Path, trailing: str, name: str) -> None:
     given, out = tmp_path / "given.toml", tmp_path / f"{name}.toml"
     given.write_text(f"# mine\n{load_board('polaroid-6500').text}\n# below\n{trailing}")
-    assert calibrated(out, "--board", given).returncode == 0
-    before, after = load_board(given), load_board(out)
+    assert calibrated(out, "--board", str(given)) == 0
+    before, after = load_board(str(given)), load_board(str(out))
     assert after.name == name
     assert after.range_offset == pytest.approx(0.008, abs=0.001)
     assert (after.mount, after.chirp) == (before.mount, before.chirp)
     kept = [line for line in given.read_text().splitlines() if line and not line.startswith("name")]
     assert [line for line in out.read_text().splitlines() if line in kept] == kept
+
+
+def test_the_board_profile_in_the_url_is_never_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    own = tmp_path / "own.toml"
+    own.write_text(load_board("polaroid-6500").text)
+    before = own.read_text()
+    url = f"fake:rooms/laboratory.toml?place=bench&board={own}&pace=max"
+    assert run(["calibrate", url, "--distance", "1.27", "--direction", "180", "--out", str(own), "--force"]) == 2
+    assert f"--out {own}: is the input file {own}" in capsys.readouterr().err
+    assert own.read_text() == before
+
+
+@pytest.mark.parametrize("there", [False, True])
+def test_a_full_disk_leaves_the_old_profile(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], there: bool
+) -> None:
+    out = tmp_path / "bench.toml"
+    if there:
+        out.write_text("mine")
+
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", full)
+    assert calibrated(out, "--force") == 1
+    assert "No space left on device; delete other files or choose another file" in capsys.readouterr().err
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["mine"] * there
+
+
+@pytest.mark.parametrize("temperature", ["900", "nan"])
+def test_an_impossible_air_temperature_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], temperature: str
+) -> None:
+    assert calibrated(tmp_path / "bench.toml", "--temperature", temperature) == 2
+    assert "--temperature" in capsys.readouterr().err

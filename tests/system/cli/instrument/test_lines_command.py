@@ -1,5 +1,6 @@
 """`sonarhw scan`, `ports --guess` and other commands with a device that prints text on a pseudo-terminal."""
 
+import json
 import re
 import signal
 from itertools import chain, repeat
@@ -17,7 +18,7 @@ from sonarhw.host import scanner
 from sonarhw.link import Port
 from sonarhw.log import read_log
 from sonarhw.text.layouts import MatchingProcess
-from tests.fixtures.commands import end, lines, printed, printed_json, sonarhw, started
+from tests.fixtures.commands import end, lines, started
 from tests.fixtures.plain_echoes import PlainEchoes
 from tests.fixtures.text_devices.printing_device import SKETCHES, PrintingDevice, wall
 from tests.fixtures.text_devices.received_clock import ReceivedClock
@@ -28,21 +29,28 @@ RADAR_LINES = [b"%d,23\n" % abs(step) for step in range(-10, 10)]
 RADAR = SKETCHES["radar 15 to 165"]
 
 
-def test_a_scan_prints_and_records_a_sweep_and_reports_what_it_ignored(log: Path) -> None:
+def test_a_scan_records_a_sweep_and_reports_what_it_ignored(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log = tmp_path / "scan.mcap"
     with PrintingDevice(RADAR.rounds()) as device:
-        done = sonarhw("scan", f"lines:{device.port}?preset=arduino-radar", "--out", log, "--print")
+        assert run(["scan", f"lines:{device.port}?preset=arduino-radar", "--out", str(log)]) == 0
+    said = capsys.readouterr().err.splitlines()
     readings = read_log(log).readings
-    rows = [line.split(",") for line in done.stdout.splitlines()[1:]]
-    assert len(rows) == len(readings)
-    assert len(rows) in (150, 151)
+    assert len(readings) in (150, 151)
+    echoes = sum(reading.range is not None for reading in readings)
+    assert said[0] == f"{len(readings)} readings, {echoes} with an echo, in {log}"
+    assert said[1].startswith("ignored: half lines (1)")
+    assert read_log(log).metadata.board == "hc-sr04"
+
+
+def test_readings_are_printed_and_exported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log = tmp_path / "scan.mcap"
+    with PrintingDevice(RADAR.rounds()) as device:
+        assert run(["scan", f"lines:{device.port}?preset=arduino-radar", "--out", str(log), "--print"]) == 0
+    rows = [line.split(",") for line in capsys.readouterr().out.splitlines()[1:]]
+    assert len(rows) >= 150
     for _, heading, distance, *_ in rows:
         true = wall(float(heading))
         assert (float(distance) if distance else None) == (None if true is None else pytest.approx(true / 100))
-    summary, ignored = done.stderr.splitlines()
-    echoes = sum(reading.range is not None for reading in readings)
-    assert summary == f"{len(readings)} readings, {echoes} with an echo, in {log}"
-    assert ignored.startswith("ignored: half lines (1)")
-    assert read_log(log).metadata.board == "hc-sr04"
 
 
 def test_the_plain_port_of_a_device_that_prints_text_says_how_to_find_its_url(
@@ -56,27 +64,50 @@ def test_the_plain_port_of_a_device_that_prints_text_says_how_to_find_its_url(
         Scanner.open(device.port)
 
 
+@pytest.mark.parametrize("option", ["--from", "--to", "--step", "--pings", "--traces"])
+def test_what_the_device_cannot_obey_is_refused(
+    option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    value = [] if option == "--traces" else ["5"]
+    log = tmp_path / "scan.mcap"
+    assert run(["scan", "lines:/dev/ttyUSB9?preset=csv", "--out", str(log), option, *value]) == 2
+    assert capsys.readouterr().err == (
+        f"sonarhw: {option}: this device turns and measures by itself; remove the option, "
+        "and end the scan with --sweeps N\n"
+    )
+    assert not log.exists()
+
+
+@pytest.mark.parametrize("command", [["home"], ["turn"], ["stop"]])
+def test_commands_that_need_the_protocol_are_refused(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    angle = ["5"] if command == ["turn"] else []
+    assert run([*command, "lines:/dev/ttyUSB9?preset=csv", *angle]) == 2
+    assert "`sonarhw scan` records its readings" in capsys.readouterr().err
+
+
 def test_monitor_prints_bytes_and_readings_until_it_is_interrupted() -> None:
     with (
         PrintingDevice(RADAR.rounds()) as device,
         started("monitor", f"lines:{device.port}?preset=arduino-radar") as monitor,
     ):
-        shown = ""
-        while not re.search(r"^ +\d+\.\d{3}  (\d+)\.0°  (\d\.\d{3} m|no echo)\n", shown, flags=re.MULTILINE):
+        printed = ""
+        while not re.search(r"^ +\d+\.\d{3}  (\d+)\.0°  (\d\.\d{3} m|no echo)\n", printed, flags=re.MULTILINE):
             (line,) = lines(monitor, 1)
-            shown += line
+            printed += line
         monitor.send_signal(signal.SIGINT)
         status, closing = end(monitor)
-    assert re.match(r" +\d+\.\d{3}  b'[\d,.]+'\n", shown)
+    assert re.match(r" +\d+\.\d{3}  b'[\d,.]+'\n", printed)
     assert status == 130
     assert re.fullmatch(r"lines:.*: \d+ readings?, half lines \(1\)\n", closing)
 
 
-def test_info_states_that_there_is_no_protocol() -> None:
+def test_info_states_that_there_is_no_protocol(capsys: pytest.CaptureFixture[str]) -> None:
     with PrintingDevice(RADAR.rounds()) as device:
-        first, second, *_, last = printed("info", f"lines:{device.port}?preset=arduino-radar").splitlines()
-    assert (first, second) == ("firmware      text lines, arduino-radar", "protocol      none; it prints readings")
-    assert last == "ignored       half lines (1)"
+        assert run(["info", f"lines:{device.port}?preset=arduino-radar"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "firmware      text lines, arduino-radar"
+    assert lines[1] == "protocol      none; it prints readings"
+    assert lines[-1] == "ignored       half lines (1)"
 
 
 # a pattern of the user's own has no preset
@@ -84,24 +115,30 @@ PRESETS = [(name, found[1]) for name, one in SKETCHES.items() if (found := re.se
 
 
 @pytest.mark.parametrize(("name", "preset"), PRESETS)
-def test_guess_proposes_a_url_that_works(name: str, preset: str, log: Path) -> None:
+def test_guess_proposes_a_url_that_works(
+    name: str, preset: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     with PrintingDevice(SKETCHES[name].rounds()) as device:
-        (found,) = printed_json("ports", "--guess", device.port)["ports"]
-        assert (found["preset"], found["baud"], found["undecided"]) == (preset, 9600, [])
+        assert run(["ports", "--guess", "--json", device.port]) == 0
+        (found,) = json.loads(capsys.readouterr().out)["ports"]
+        assert (found["preset"], found["baud"]) == (preset, 9600)
         assert found["answer"] == f"prints {preset} at 9600 baud: '{found['proposed_url']}'"
+        assert found["undecided"] == []
         assert any("readings, angles" in fact for fact in found["evidence"])
-        printed("scan", found["proposed_url"], "--out", log)
+        log = tmp_path / "scan.mcap"
+        assert run(["scan", found["proposed_url"], "--out", str(log)]) == 0
     assert len(read_log(log).readings) >= 33
     assert set(found) == keys_in_reference("### `sonarhw ports --guess")
 
 
-def test_guess_finds_a_rangefinder_without_angle() -> None:
+def test_guess_finds_a_rangefinder_without_angle(capsys: pytest.CaptureFixture[str]) -> None:
     with PrintingDevice(b"R%04d\r" % k for k in range(500, 5000)) as device:
-        first, detail, *_ = printed("ports", "--guess", device.port).splitlines()
-    undecided = "no angle is printed: add step=DEGREES, the turn of the table between two readings"
-    url = f"lines:{device.port}?baud=9600&preset=maxbotix&unit=mm"
+        assert run(["ports", "--guess", device.port]) == 0
+        undecided = "no angle is printed: add step=DEGREES, the turn of the table between two readings"
+        url = f"lines:{device.port}?baud=9600&preset=maxbotix&unit=mm"
+    first, *details = capsys.readouterr().out.splitlines()
     assert first == f"{device.port}  prints maxbotix at 9600 baud; undecided: {undecided}: '{url}'"
-    assert detail == "    range in millimetres: four digits"
+    assert details[0] == "    range in millimetres: four digits"
 
 
 def test_guess_shows_other_text_and_silence(
