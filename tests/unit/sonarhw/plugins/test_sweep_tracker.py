@@ -99,6 +99,14 @@ def test_an_angle_with_a_lost_digit_is_dropped() -> None:
     assert all(math.degrees(one.measurement.angle) > 14 for one in placed)
 
 
+def test_a_single_angle_between_two_sectors_is_kept() -> None:
+    tracker = SweepTracker(begins_whole=True)
+    angles = [*range(0, 61, 5), 180, *range(100, 161, 5)]
+    placed = [one for angle in angles for one in tracker.add(at(angle))]
+    assert [round(math.degrees(one.measurement.angle)) for one in [*placed, *tracker.flush()]] == angles
+    assert tracker.dropped == 0
+
+
 def test_a_restart_ends_a_sweep_that_is_not_whole() -> None:
     tracker = SweepTracker()
     tracker.want(2)
