@@ -91,8 +91,8 @@ lint: $(VENV)/tools
 
 types: $(VENV)/tools
 	$(BIN)/mypy
-	$(BIN)/mypy --platform win32
-	$(BIN)/mypy --platform darwin
+	$(BIN)/mypy --platform win32 --cache-dir .mypy_cache/win32
+	$(BIN)/mypy --platform darwin --cache-dir .mypy_cache/darwin
 
 # Debian packages first: two jobs cannot install at once. mypy needs half a minute; it runs beside the first tests,
 # and window tests follow it, which need less time than the others

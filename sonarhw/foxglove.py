@@ -10,7 +10,7 @@ from typing import Self
 
 from sonarhw.device.served import host_and_port
 from sonarhw.errors import LinkError, MissingExtra
-from sonarhw.log.reader import SWEEPS
+from sonarhw.log.reader import SWEEPS, possible_time
 from sonarhw.log.writer import DECODED, laser_scan, reading_messages
 from sonarhw.readings import Reading
 
@@ -69,7 +69,7 @@ class FoxgloveServer:
         """Publish a reading and its trace."""
         measured = time.time() if reading.host_time is None else reading.host_time
         for topic, data in reading_messages(reading):
-            self._channels[topic].log(data, log_time=round(measured * 1e9))
+            self._channels[topic].log(data, log_time=round(possible_time(measured) * 1e9))
 
     def sweep(self, readings: Sequence[Reading], predicted: Sequence[float | None] | None = None) -> None:
         """Publish a sweep, and the predicted ranges of its readings (m; None: no echo) beside it."""

@@ -765,6 +765,11 @@ _UNKNOWN = LogMetadata("unknown", 0.0, product_version="unknown")
 _Speeds = dict[tuple[int, float], float]  # m/s, by number and device time (µs) of the reading
 
 
+def possible_time(time: float) -> float:
+    """Return the time nearest to `time` that a log can contain, s since the epoch. A broken device sends any."""
+    return min(max(0.0, time), LATEST)  # 0 for NaN
+
+
 @arguments.checked(path=arguments.file_name)
 def read_log(path: Path | str) -> Log:
     """Return everything readable in a log. `torn` states where it ends too early or is damaged.

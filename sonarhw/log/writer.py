@@ -344,7 +344,7 @@ def laser_scan(readings: Sequence[Reading], time: float) -> LaserScan:
     message = LaserScan(
         frame_id=FRAME_ID, start_angle=messages.radians_of(start), end_angle=messages.radians_of(end), ranges=grid
     )
-    message.timestamp.FromNanoseconds(round(time * 1e9))
+    message.timestamp.FromNanoseconds(round(reader.possible_time(time) * 1e9))
     message.pose.orientation.w = 1.0
     return message
 
@@ -653,7 +653,10 @@ class LogWriter:
             raise LogError(f"{self._file.path}: the log is closed; open a new one")
         logged = round(self._time * 1e9)  # never decreases, as other tools require
         self._writer.add_message(
-            self._channels[topic], logged, data, logged if published is None else round(published * 1e9)
+            self._channels[topic],
+            logged,
+            data,
+            logged if published is None else round(reader.possible_time(published) * 1e9),
         )
 
     def _commit(self) -> None:

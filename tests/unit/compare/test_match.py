@@ -318,6 +318,18 @@ def test_readings_of_the_own_body_are_in_no_share_region_fit_or_map() -> None:
     assert (found.echoes, found.undetermined) == (summary.n_echo, 0)
 
 
+def test_the_agreement_on_silence_is_that_without_the_own_body() -> None:
+    angles = np.radians(np.arange(0.0, 360.0, 5.0))
+    ranges = predict_scan(ARENA, HERE, NXT, angles).ranges
+    ranges[8:17], ranges[30:44] = 0.07, np.nan
+    readings, near = readings_of(angles, ranges, ARENA.air.speed_of_sound), replace(BODY, max_range=0.5)
+    of_room = [one for k, one in enumerate(readings) if not 8 <= k < 17]
+    whole, rest = (compare_readings(some, ARENA, HERE, near).summary() for some in (readings, of_room))
+    assert whole.classes["extra"] > 0
+    assert whole.no_echo_agreement == rest.no_echo_agreement
+    assert 0.1 < (whole.no_echo_agreement or 0.0) < 0.99
+
+
 TURNED = Place("", (0.42, 0.42), math.radians(30.0))
 CROOKED = replace(
     NXT.certain,

@@ -179,6 +179,7 @@ def test_viewers_receive_what_was_published_last_before_the_end() -> None:
         (("--tcp", "127.0.0.1:0"), "give --foxglove"),
         (("--foxglove", "--out", "scan.mcap"), "--out: give the number of sweeps, too"),
         (("--foxglove", "--place", "figure9"), "--place needs --room"),
+        (("--foxglove", "--sweeps", "65536"), "--sweeps 65536: expected a number less than or equal to 65535"),
     ],
 )
 def test_a_wrong_order_is_refused_in_one_line(options: tuple[str, ...], message: str) -> None:

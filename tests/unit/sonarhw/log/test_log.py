@@ -69,6 +69,14 @@ def test_a_log_returns_the_scan_that_was_written(
         assert_readings_close(got, replace(wanted, time=fired))
 
 
+@pytest.mark.parametrize("time", [-1.0, 2**64 / 1e6, math.nan])
+def test_a_reading_with_an_absurd_time_does_not_end_a_recording(time: float, tmp_path: Path) -> None:
+    with LogWriter(tmp_path / "scan.mcap", METADATA) as log:
+        log.frame(True, STARTED, reading_frame(0))
+        log.reading(replace(example_reading(0), host_time=time))
+    assert read_log(tmp_path / "scan.mcap").torn is None
+
+
 def test_frames_of_an_encoded_scan_have_the_times_of_a_device(tmp_path: Path) -> None:
     """A reading is sent when listening ends, and never before an earlier one. Frames are numbered."""
     times = [0.5, 0.6, 0.8, 0.7]

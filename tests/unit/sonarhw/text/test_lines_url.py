@@ -148,6 +148,7 @@ def test_turn_and_zero_give_the_turntable_angle() -> None:
         ("preset=csv&speed=3", "unknown key speed; known: baud, preset"),
         ("preset=csv&preset=csv", "a key occurs twice"),
         ("preset=csv&baud=fast", "baud=fast: expected a baud rate"),
+        ("preset=csv&baud=4000001", "baud=4000001: expected a baud rate"),
         ("preset=csv&unit=yd", "unit=yd: expected m, cm, mm, in, ft, us"),
         ("pattern={deg} {yd}", "unknown field {yd}; fields: {angle}, {deg}"),
         ("pattern={deg}", "expected a range such as {cm}"),
