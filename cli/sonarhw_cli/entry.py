@@ -71,6 +71,13 @@ class Interrupt:
         """End the process UNWINDING from now: a thread of a library may never end."""
         self._threads.append(_started(self._end_later))
 
+    def end_now(self) -> None:
+        """End the process, if the work is complete: libraries need seconds to free their memory on a busy machine."""
+        if self.status is not None:
+            if sys.stderr is not None:
+                sys.stderr.flush()
+            os._exit(self.status)
+
     def wait_for_threads(self) -> None:
         """Wait until the threads of the handler run: Python can crash if it exits while one is starting."""
         for thread in self._threads:
@@ -161,6 +168,7 @@ def main() -> None:
     """Run the `sonarhw` command and exit with its status."""
     _occupy_closed_streams()
     interrupt = Interrupt()
+    atexit.register(interrupt.end_now)  # the first one registered is called last
     # respect an inherited SIG_IGN, such as that of nohup
     handled = [number for number in SIGNALS if signal.getsignal(number) != signal.SIG_IGN]
     for number in handled:

@@ -30,12 +30,11 @@ class ReadingArrivals:
         """Record the arrival of a reading. Return False if it arrived before or has an invalid number."""
         if not self._first <= number < self.total:
             return False
-        new = number >= self.made
         self.device_made(number + 1)
-        if new or number in self._missing:
-            self._missing.discard(number)
-            return True
-        return False
+        if number not in self._missing:
+            return False
+        self._missing.discard(number)
+        return True
 
     def device_made(self, count: int) -> None:
         """Record that the device has made the readings before `count`, whether they arrived or not."""

@@ -236,8 +236,21 @@ def test_ctrl_c_ends_a_command_whose_plugin_blocks(
         assert "kept in scan.mcap" in errors
 
 
-def test_a_thread_of_a_library_does_not_hold_the_end_of_a_command(tmp_path: Path, environment: dict[str, str]) -> None:
-    never = "import threading; print('begun', flush=True); threading.Thread(target=threading.Event().wait).start()"
+# what a library may leave: a thread that never ends, and an object that needs long to be freed
+THREAD = "import threading; threading.Thread(target=threading.Event().wait).start()"
+FREED = """
+class Slow:
+    def __del__(self, sleep=time.sleep):
+        sleep(600)
+sys.modules["slow"] = Slow()
+"""
+
+
+@pytest.mark.parametrize("left", [THREAD, FREED], ids=["thread", "memory"])
+def test_what_a_library_leaves_does_not_hold_the_end_of_a_command(
+    left: str, tmp_path: Path, environment: dict[str, str]
+) -> None:
+    never = f"print('begun', flush=True)\n{left}"
     with begun(ANY, never, folder=tmp_path, environment=environment) as process:
         assert process.communicate(timeout=HANG) == ("", "")
     assert process.returncode == 0
