@@ -82,7 +82,21 @@ def recorded(log: Path) -> tuple[dict[str, list[bytes]], dict[str, tuple[str, st
 
 def test_a_viewer_receives_what_the_log_holds_whatever_others_do(tmp_path: Path) -> None:
     log = tmp_path / "scan.mcap"
-    options = ("--foxglove", "--tcp", "127.0.0.1:0", "--traces", "--step", "20", "--sweeps", "4", "--out", log, *WHERE)
+    options = (
+        "--foxglove",
+        "--tcp",
+        "127.0.0.1:0",
+        "--traces",
+        "--step",
+        "20",
+        "--pings",
+        "2",
+        "--out",
+        log,
+        "--sweeps",
+        "2",
+        *WHERE,
+    )
     watched = threading.Event()
     board = FakeBoard(PlainEchoes(), seed=2, ready=watched.is_set)
     with (
