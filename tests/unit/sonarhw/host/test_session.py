@@ -363,15 +363,16 @@ def test_another_device_at_the_same_usb_socket_is_refused_until_the_right_one_re
         assert len(scan.readings) < 10
 
 
-def test_a_device_that_does_not_return_is_an_error_after_the_set_time() -> None:
-    bench = Bench(reconnect=10.0).connect()
+@pytest.mark.parametrize(("bench", "seconds"), [(Bench(reconnect=10.0), 10), (Bench(), 30)], ids=["set", "default"])
+def test_a_device_that_does_not_return_is_an_error_after_the_set_time(bench: Bench, seconds: int) -> None:
+    bench.connect()
     scan = bench.scan(ORDER, readings=5)
     bench.pull(1e6)
     pulled = bench.now
     bench.until(lambda: scan.done)
     assert isinstance(scan.error, LinkLost)
-    assert "did not come back within 10 s" in str(scan.error)
-    assert bench.now - pulled == pytest.approx(10.0, abs=0.5)
+    assert f"did not come back within {seconds} s" in str(scan.error)
+    assert bench.now - pulled == pytest.approx(seconds, abs=0.5)
 
 
 def test_ten_losses_without_a_reading_are_an_error() -> None:
