@@ -13,7 +13,7 @@ from mcap_protobuf.decoder import DecoderFactory
 from sonarhw.errors import LogError, SonarError
 from sonarhw.host.scripts import configuring
 from sonarhw.log import LogWriter, copy_log, read_log
-from sonarhw.log.writer import write_scan
+from sonarhw.log.writer import laser_scan, write_scan
 from sonarhw.readings import Reading, Trace
 from sonarhw.wire.frames import Frame, decode_block, encode_frame
 from sonarhw.wire.messages import Configure, Message, ReadingMessage, StartScan
@@ -262,3 +262,10 @@ def test_each_sweep_is_one_laser_scan_at_its_own_time_also_if_a_reading_is_measu
     began = [min(one.host_time or 0 for one in scan.readings if one.sweep == number) for number in (0, 1)]
     assert sorted(time * 1e-9 for time, _ in sweeps) == pytest.approx(began, abs=0.01)
     assert sorted(sweep.timestamp.ToNanoseconds() * 1e-9 for _, sweep in sweeps) == pytest.approx(began, abs=0.01)
+
+
+def test_a_laser_scan_has_the_median_of_several_pings_at_a_heading() -> None:
+    pings = [
+        replace(example_reading(0), ping=k, echo_times=(2 * far / SPEED,)) for k, far in enumerate((1.0, 9.0, 2.0))
+    ]
+    assert [*laser_scan(pings, STARTED).ranges] == pytest.approx([2.0])
