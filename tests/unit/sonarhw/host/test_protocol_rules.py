@@ -51,6 +51,7 @@ CASES = {
     "blanked": (reading(3, echoes=(1_000_000,)), "reading 3: an echo at 1 ms, before the end of blanking at 2.38 ms"),
     "late": (reading(3, echoes=(4_294_000_000,)), "reading 3: an echo at 4294 ms, after the end of listening at 20 ms"),
     "turned": (reading(3, angle=120_000_000), "reading 3: angle 120 degrees; its number means 30 degrees"),
+    "a step too far": (reading(3, angle=30_000_000 + 3 * 360_000_000 // 6400), "reading 3: angle 30.1687 degrees"),
     "swept": (reading(3, sweep=1), "reading 3: sweep 1, ping 0; its number means sweep 0, ping 0"),
     "pinged": (reading(3, ping=2), "reading 3: sweep 0, ping 2; its number means sweep 0, ping 0"),
 }
@@ -109,13 +110,19 @@ def test_a_device_clock_that_stands_still_is_not_called_a_bad_cable() -> None:
     assert "cable" not in str(scan.error)
 
 
-def test_a_speed_of_sound_of_0_is_refused() -> None:
+@pytest.mark.parametrize(
+    ("settings", "rule"),
+    [({"speed_of_sound": 0}, "speed_of_sound of 0"), ({"listen_us": 0}, "listen_us 0; expected 1")],
+)
+def test_settings_that_measure_nothing_are_refused(settings: dict[str, int], rule: str) -> None:
     bench = Bench().connect()
-    bench.up = rewriting(
-        lambda message: replace(message, speed_of_sound=0) if isinstance(message, Settings) else message
-    )
-    error = bench.run(configuring(SETTINGS)).error
-    assert "speed_of_sound of 0" in str(error)
+    bench.up = rewriting(lambda message: replace(message, **settings) if isinstance(message, Settings) else message)
+    assert rule in str(bench.run(configuring(SETTINGS)).error)
+
+
+def test_several_pings_at_a_heading_are_no_broken_rule() -> None:
+    scan = Bench().connect().run(scanning(replace(ORDER, pings=3)))
+    assert (scan.error, len(scan.readings)) == (None, 108)
 
 
 def test_a_number_far_ahead_needs_no_memory() -> None:

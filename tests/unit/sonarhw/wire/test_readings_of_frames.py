@@ -65,6 +65,10 @@ LATER = (made(4), Heartbeat(3, 0, 5, 2000), Finished(2, 0, 4, ""), Started(3, 10
 ASSEMBLED: dict[str, tuple[list[Message], list[tuple[int, float | None]]]] = {
     "with its last chunk": ([made(5), *chunks(5)], [(5, 1.0)]),
     "repeated": ([made(1), made(1), *chunks(1), made(1)], [(1, 1.0)]),
+    "sent again after all that a device keeps": (
+        [made(number) for number in (*range(KEPT_READINGS), 0)],
+        [(number, None) for number in range(KEPT_READINGS)],
+    ),
     "another one sent again": ([made(7), chunks(7)[0], made(6), chunks(7)[1]], [(6, None), (7, 1.0)]),
     "sent again after its trace": ([*chunks(6), made(7), made(6), *chunks(7)], [(6, 1.0), (7, 1.0)]),
     "sent again after the end": ([*chunks(9), Finished(2, 0, 10, ""), made(9)], [(9, 1.0)]),
@@ -169,6 +173,15 @@ def test_readings_no_longer_kept_are_lost_and_not_requested() -> None:
     absurd = ReadingArrivals(2**32 - 1)  # needs no memory
     absurd.device_made(2**32 - 1)
     assert absurd.next_resend() == (2**32 - 1 - KEPT_READINGS, KEPT_READINGS)
+
+
+def test_only_requests_for_the_same_readings_give_up() -> None:
+    arrivals = ReadingArrivals(100)
+    for number in range(1, 41, 2):
+        arrivals.arrived(number)
+        assert arrivals.request(3) == (0, number)
+    assert [arrivals.request(3) for _ in range(3)] == [(0, 39), (0, 39), None]
+    assert arrivals.lost == 20
 
 
 def test_readings_outside_of_the_requested_part_are_rejected() -> None:
