@@ -95,7 +95,7 @@ URLS = (
     *("alt://x", "cp2110://x", "http://127.0.0.1", "fake:", "fake:?"),
     *("\x1b[2J", "a\0b", os.fsdecode(b"\xff"), "socket://\udcff:1", "socket://é:1", "x" * 5000, "fake:missing?place=x"),
     *("hwgrep://(a%2B)%2B$", "hwgrep://(a|a)*b", "hwgrep://x&n=0", "hwgrep://x&skip_busy", "lines:", "lines:?baud=1"),
-    *("spy://loop://", "spy://missing?file=pipe", "spy://missing?file=/dev/null", "alt:///dev/null?class=Serial"),
+    *("spy://missing?file=pipe", "spy://missing?file=/dev/null", "alt:///dev/null?class=Serial"),
 )
 # keys of a `lines:` URL
 LINES = {
