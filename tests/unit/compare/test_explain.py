@@ -309,6 +309,13 @@ def test_a_heading_just_below_zero_is_0_degrees_everywhere(just_below: float) ->
     assert "turntable step 0 at 0.0°" in summary_lines(comparison.summary())[-1]
 
 
+def test_the_summary_has_errors_and_offset_in_millimetres() -> None:
+    comparison = compare_readings(readings_of([0.0], [0.17]), SIMPLE, FIGURE_9, PAPER)
+    lines = summary_lines(replace(comparison.summary(), median_abs_error_m=0.0123, offset_m=-0.02))
+    assert "median error 12.3 mm" in lines
+    assert lines[-1].endswith("range offset -20 mm")
+
+
 def test_headings_and_estimates_in_text() -> None:
     assert [in_degrees(-math.pi / 2), in_degrees(math.radians(359.94), 2)] == [270.0, 359.94]
     assert [heading_text(math.radians(359.94)), heading_text(3 * math.pi)] == ["359.9°", "180.0°"]
