@@ -6,9 +6,11 @@ volts with their full scale.
 """
 
 import math
+import re
 import warnings
 import zipfile
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +19,7 @@ from numpy.typing import NDArray
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray, Reading, Trace
 from sonarhw_compare.foreign_csv import MOST_SAMPLES, ForeignRow, Meaning, opened, readings_of, short_lines
-from sonarhw_compare.import_formats import start_of_file
+from sonarhw_compare.import_formats import OSCILLOSCOPE, start_of_file
 from sonarhw_compare.processes import parse_apart
 
 LONGEST_TRACE = 0xFFFF  # samples of a trace in a log
@@ -30,7 +32,9 @@ _NUMERIC = ("double", "single", *(f"{sign}int{bits}" for sign in ("", "u") for b
 def read_raw_traces(file: Path, meaning: Meaning) -> list[Reading]:
     """Return one reading for each trace, `meaning.step` degrees apart. Raises InputError."""
     table, rate = _samples(file, meaning)
-    if rate is None or not SLOWEST <= rate <= FASTEST:
+    if rate is None:
+        raise InputError(f"{file}: the sampling rate is not stated; add rate=HZ")
+    if not SLOWEST <= rate <= FASTEST:
         raise InputError(f"{file}: a sampling rate of {rate} Hz; expected {SLOWEST:g} to {FASTEST:g} Hz")
     samples = _pings_in_rows(file, _scaled(file, np.atleast_2d(table), meaning.full_scale), meaning.axis)
     count = samples.shape[1]
@@ -96,6 +100,12 @@ def _samples(file: Path, meaning: Meaning) -> tuple[NDArray[np.generic], float |
         return parse_apart(_npy, file, "an array of NumPy (.npy)"), meaning.rate
     if start[:6] == b"MATLAB" or suffix == ".mat":
         return parse_apart(_mat, file, "a MAT file", meaning.variable), meaning.rate
+    if meaning.rate is None and OSCILLOSCOPE.search(start_of_file(file).decode("utf-8", "replace")):
+        if meaning.full_scale is None:
+            raise InputError(
+                f"{file}: samples of an oscilloscope are volts; add full_scale=NUMBER, the largest of the receiver"
+            )
+        return _oscilloscope(file)
     return _text(file), meaning.rate
 
 
@@ -177,6 +187,77 @@ def _of_struct(file: Path, names: list[str], variable: str | None) -> NDArray[np
             arrays[name] = value
     large = {name: value for name, value in arrays.items() if value.size > 1 and value.dtype.kind in "iuf"}
     return large[_chosen(file, [*large], variable)]
+
+
+# CSV of oscilloscopes: names and settings of each maker, then a column of times or of counts, and one of each channel.
+
+
+_TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
+_UNIT = re.compile(r"\(([a-zµ]+)\)|\b(ms|us|µs|ns)\b", re.IGNORECASE)
+_STEADY = 0.5  # share by which two steps of the time may differ, by rounding
+
+
+def _oscilloscope(file: Path) -> tuple[NDArray[np.generic], float]:
+    """Return the samples of each channel from the trigger on, in its unit, (n, m), and the sampling rate, Hz."""
+    with opened(file, _WHAT) as text:
+        lines = [line.rstrip("\r\n") for line in short_lines(file, text, _WHAT)]
+    _check_size(file, len(lines))
+    cells = [re.split(r"[,;\t]", line) for line in lines if line.strip(" ,;\t")]
+    table, first = _numeric_block(file, cells)
+    increment = _increment(cells[:first]) if _counts(table[:, 0]) else None
+    unit = next((match for row in cells[:first] if (match := _UNIT.search(row[0]))), None)
+    seconds = _TIME_UNITS.get((unit[1] or unit[2]).lower(), 1.0) if unit else 1.0
+    times = table[:, 0] * (seconds if increment is None else increment[1]) + (
+        0.0 if increment is None else increment[0]
+    )
+    steps = np.diff(times)
+    step = float(steps.mean())
+    if not step > 0 or np.abs(steps - step).max() > _STEADY * step:
+        raise InputError(
+            f"{file}: the times in its first column do not grow evenly; expected a trace of an oscilloscope"
+        )
+    after = times > -step / 2  # the trigger is the start of transmission
+    if not after.any():
+        raise InputError(f"{file}: ends before the trigger, at {times[-1]:g} s; expected samples after time 0")
+    return np.ascontiguousarray(table[after, 1:].T), round(1 / step, 6)
+
+
+def _numeric_block(file: Path, cells: list[list[str]]) -> tuple[FloatArray, int]:
+    """Return the columns that are numbers to the end, (n, m), and the row where the first column of them begins."""
+    width = len(cells[-1])
+    columns = [k for k in range(width) if _is_number(cells[-1][k])]
+    if len(columns) < 2:
+        raise InputError(f"{file}: expected a column of times and one of samples, got {cells[-1][:5]}")
+    first = len(cells)
+    while first and len(cells[first - 1]) > columns[-1] and all(_is_number(cells[first - 1][k]) for k in columns):
+        first -= 1
+    numbers = np.array([[float(row[k]) for k in columns] for row in cells[first:]])
+    if len(numbers) < 2:
+        raise InputError(f"{file}: has no column of samples; expected a trace of an oscilloscope")
+    return numbers, max(first, min(len(cells), 20))
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        return math.isfinite(float(cell))
+    except ValueError:
+        return False
+
+
+def _counts(column: FloatArray) -> bool:
+    return bool((np.diff(column) == 1).all())
+
+
+def _increment(head: list[list[str]]) -> tuple[float, float] | None:
+    """Return start and step of the times where samples are counted, s: columns named so, or a key."""
+    for row, below in pairwise(head):
+        names = [name.strip().lower() for name in row]
+        if "increment" in names and "start" in names:
+            return float(below[names.index("start")]), float(below[names.index("increment")])
+    for row in head:
+        if row[0].strip().lower() == "sample interval" and len(row) > 1 and _is_number(row[1]):
+            return 0.0, float(row[1])
+    return None
 
 
 def _text(file: Path) -> NDArray[np.generic]:

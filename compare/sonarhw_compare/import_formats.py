@@ -3,6 +3,7 @@
 To add a format, write a function `read_x(file, meaning)` and add an entry to FORMATS. The command and its help follow.
 """
 
+import re
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -38,7 +39,9 @@ class ImportFormat:
 TEXT = ImportFormat("text", (), "text of a device: lines, CSV, JSON, captures of a terminal", False, True)
 CARMEN = ImportFormat("carmen", (".clf",), "CARMEN logs with SONAR lines", False, False, "imports:read_carmen_log")
 PLAYER = ImportFormat("player", (), "logs of Player with sonar", False, True, "imports:read_player_log")
-PING360 = ImportFormat("ping360", (".bin",), "Ping Viewer logs of a Ping360", True, False, "imports:read_ping360_log")
+PING360 = ImportFormat(
+    "ping360", (".bin",), "Ping Viewer logs of a Ping360 or Ping1D", True, False, "imports:read_ping360_log"
+)
 ROS = ImportFormat(
     "ros",
     (".bag", ".db3"),
@@ -51,7 +54,7 @@ JSON_MCAP = ImportFormat("json-mcap", (), "MCAP files with JSON messages", False
 RAW = ImportFormat(
     "raw",
     (".wav", ".npy", ".npz", ".mat"),
-    "raw traces, also as text with a sampling rate",
+    "raw traces, also as text with a sampling rate, or as CSV of an oscilloscope",
     True,
     True,
     "foreign_traces:read_raw_traces",
@@ -66,6 +69,11 @@ _MAGIC = (
     (b"\x89HDF\r\n\x1a\n", RAW),
 )
 _START = 65_536  # bytes that decide
+_HEAD = 2_000  # characters at the start of a trace of an oscilloscope
+OSCILLOSCOPE = re.compile(  # what the CSV of Tektronix, Siglent, Rigol and PicoScope begins with
+    r"^\W*(record length\W|sample interval\W|x,ch\d|time(\(s\))?,\s*ch(\d|annel [a-h])|second,val)|\btinc\s*=",
+    re.IGNORECASE | re.MULTILINE,
+)
 _MCAP = b"\x89MCAP0\r\n"
 
 
@@ -75,7 +83,10 @@ def import_format(file: Path, rate: float | None, name: str = "") -> ImportForma
     With a sampling `rate`, text is a table of samples. Raises InputError for a log, and for a folder that is no bag.
     """
     if name:
-        return next(kind for kind in FORMATS if kind.name == name)
+        named = next((kind for kind in FORMATS if kind.name == name), None)
+        if named is None:
+            raise InputError(f"format {name!r}: expected {', '.join(kind.name for kind in FORMATS)}")
+        return named
     if file.is_dir():
         if any(part.suffix in (".mcap", ".db3") for part in file.iterdir()) or (file / "metadata.yaml").exists():
             return ROS
@@ -117,7 +128,10 @@ def _of_content(file: Path, start: bytes) -> ImportFormat | None:
 
 def _of_text(start: bytes) -> ImportFormat | None:
     """Return the format of text that is no text of a device; None for all other."""
-    lines = start.decode("utf-8", "replace").splitlines()
+    text = start.decode("utf-8", "replace")
+    if OSCILLOSCOPE.search(text[:_HEAD]):
+        return RAW
+    lines = text.splitlines()
     if any(line.split()[:1] == ["SONAR"] for line in lines):
         return CARMEN
     return PLAYER if any(map(_is_player_line, lines)) else None

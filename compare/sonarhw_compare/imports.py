@@ -20,11 +20,13 @@ from sonarhw.files import open_input
 from sonarhw.plugins.device_plugin import Measurement
 from sonarhw.plugins.sweep_tracker import SweepTracker
 from sonarhw.readings import BoolArray, FloatArray, Reading, Trace
+from sonarhw.sound_speed import speed_of_sound
 from sonarhw.text.decoder import make_decoder
 from sonarhw.text.layouts import Layout, Printed
 from sonarhw.text.proposals import LayoutProposal, UnitChoice, propose
 from sonarhw_compare.foreign_bags import json_messages
 from sonarhw_compare.foreign_csv import MOST_READINGS, ForeignRow, Meaning, opened, readings_of, short_lines
+from sonarhw_compare.foreign_tables import as_long_text
 from sonarhw_compare.import_formats import JSON_MCAP, TEXT, import_format
 
 # Text as devices print it, in files: serial monitors, captures, CSV, JSON.
@@ -51,7 +53,10 @@ def read_text_scan(
     Without a `layout` one is proposed; `stated` are the units and the step that the user states. Raises InputError with
     the question that decides if something is doubtful.
     """
-    return text_scan(str(file), _content(file), meaning, layout, stated)
+    data = _content(file)
+    if layout is None:
+        data = as_long_text(str(file), data, meaning.step)
+    return text_scan(str(file), data, meaning, layout, stated)
 
 
 def text_scan(
@@ -269,7 +274,7 @@ def _count(file: Path, where: str, word: str) -> int:
     return int(word)
 
 
-# Profiles of a Ping360 in the sensor logs (`.bin`) of Ping Viewer.
+# Profiles of a Ping360 or a Ping1D in the sensor logs (`.bin`) of Ping Viewer.
 #
 # Ping Viewer writes big-endian: a header (its `src/link/logsensorstruct.cpp`), then pairs of texts and arrays, each
 # after its length in bytes: the time `hh:mm:ss.zzz`, in UTF-16 or UTF-8, and one message of the Ping protocol (its
@@ -284,6 +289,7 @@ _TICK = 25e-9  # s, unit of the sample period
 _DEGREES = 0.9  # of one gradian
 _START = b"BR"
 _FRAME = struct.Struct("<2sHHBB")  # start, length of the payload, message, sender, receiver
+_PING1D, _PING1D_PROFILE = 1300, struct.Struct("<IHHIIIIH")  # mm, percent, us, number, mm, mm, gain, samples
 _PROFILES = {2300: struct.Struct("<BBHHHHHH"), 2301: struct.Struct("<BBHHHHHHBBHH")}
 _TIME = re.compile(r"(\d\d).(\d\d).(\d\d).(\d{3})")  # digits of any script; 12 hours have a word behind
 
@@ -294,21 +300,22 @@ def read_ping360_log(file: Path, meaning: Meaning) -> list[Reading]:
     Warns about damaged messages, which are left out. A log that ends within a profile gives those before.
     """
     skipped: list[str] = []
+    speed = meaning.speed_of_sound or speed_of_sound()
     try:
         with open_input(file, _MOST_LOG) as data:
-            readings = readings_of(str(file), _ping360_rows(file, data, skipped), meaning)
+            readings = readings_of(str(file), _ping360_rows(file, data, skipped, speed), meaning)
     except OSError as error:
         raise InputError(f"{file}: cannot be read: {error.strerror}; expected a log of Ping Viewer") from error
     if not readings:
         why = f"; {skipped[0]}" if skipped else ""
-        raise InputError(f"{file}: has no profile of a Ping360; expected a log of Ping Viewer with one{why}")
+        raise InputError(f"{file}: has no profile of a Ping360 or Ping1D; expected a log of Ping Viewer with one{why}")
     if skipped:
         damage = counted(len(skipped), "damaged message")
         warnings.warn(f"{file}: {damage} left out, of {len(readings) + len(skipped)}; {skipped[0]}", stacklevel=2)
     return readings
 
 
-def _ping360_rows(file: Path, data: BinaryIO, skipped: list[str]) -> Iterator[ForeignRow]:
+def _ping360_rows(file: Path, data: BinaryIO, skipped: list[str], speed: float) -> Iterator[ForeignRow]:
     _check_header(file, data)
     clock = _Clock()
     for number, (text, frame) in enumerate(_messages(data, skipped), 1):
@@ -318,13 +325,13 @@ def _ping360_rows(file: Path, data: BinaryIO, skipped: list[str]) -> Iterator[Fo
             skipped.append(f"{where}: has no time hh:mm:ss.zzz")
             continue
         try:
-            profile = _profile(where, frame)
+            profile = _profile(where, frame, speed)
         except ValueError as error:
             skipped.append(str(error))
             continue
         if profile is not None:
-            gradians, trace = profile
-            yield ForeignRow(where, _DEGREES * gradians, None, seconds, trace=trace)
+            heading, distance, trace = profile
+            yield ForeignRow(where, heading, distance, seconds, trace=trace)
 
 
 _NEXT = re.compile(rb"\0\0\0(?:\x0c(?=.{12}\0)|\x18(?=.{24}\0))", re.DOTALL)  # length of a time, before another length
@@ -426,14 +433,19 @@ def _decoded(text: bytes) -> str:
     return text.decode("utf-16-be" if wide else "utf-8", "replace")
 
 
-def _profile(where: str, frame: bytes) -> tuple[int, Trace] | None:
-    """Return angle (gradians) and trace of a message; None for another message. Raises ValueError if it is damaged."""
+def _profile(where: str, frame: bytes, speed: float) -> tuple[float, float | None, Trace] | None:
+    """Return angle (degrees), range (m) if it is stated, and trace of a message; None for another message.
+
+    Raises ValueError if it is damaged.
+    """
     if len(frame) < _FRAME.size + 2:
         raise ValueError(f"{where}: {len(frame)} bytes; expected a message of the Ping protocol")
     start, length, message, _, _ = _FRAME.unpack_from(frame)
     payload, checksum = frame[_FRAME.size : -2], int.from_bytes(frame[-2:], "little")
     if start != _START or length != len(payload) or checksum != sum(frame[:-2]) & 0xFFFF:
         raise ValueError(f"{where}: start, length or checksum is wrong")
+    if message == _PING1D:
+        return _ping1d_profile(where, payload, speed)
     if message not in _PROFILES:
         return None
     layout = _PROFILES[message]
@@ -444,7 +456,19 @@ def _profile(where: str, frame: bytes) -> tuple[int, Trace] | None:
     period = fields[4] * _TICK
     if not period or len(samples) != fields[-1] or not len(samples):
         raise ValueError(f"{where}: a profile of {len(samples)} samples, expected {fields[-1]} and a period")
-    return fields[2], Trace(samples, 1.0 / period, 0.0)
+    return _DEGREES * fields[2], None, Trace(samples, 1.0 / period, 0.0)
+
+
+def _ping1d_profile(where: str, payload: bytes, speed: float) -> tuple[float, float | None, Trace]:
+    """Return a profile of a Ping1D, which points in one direction and states distances in place of times."""
+    if len(payload) < _PING1D_PROFILE.size:
+        raise ValueError(f"{where}: a profile of {len(payload)} bytes; expected at least {_PING1D_PROFILE.size}")
+    distance, confidence, _, _, begin, length, _, count = _PING1D_PROFILE.unpack_from(payload)
+    samples = np.frombuffer(payload[_PING1D_PROFILE.size :], np.uint8) / 255.0
+    if len(samples) != count or not count or not length:
+        raise ValueError(f"{where}: a profile of {len(samples)} samples, expected {count} and a length")
+    rate = count * speed / (2 * length / 1000)
+    return 0.0, distance / 1000 if confidence and distance else None, Trace(samples, rate, 2 * begin / 1000 / speed)
 
 
 # Any file of another program.
