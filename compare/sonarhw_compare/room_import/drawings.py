@@ -1,6 +1,7 @@
 """Drawings: DXF, SVG and GeoJSON become a plan. Their unit is stated by the file or by the user."""
 
 import json
+import logging
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
@@ -133,6 +134,7 @@ def _parse_dxf(file: Path) -> _Drawing:
     from ezdxf.lldxf.const import DXFStructureError
 
     read_bytes(file, "a DXF drawing")
+    logging.getLogger("ezdxf").setLevel(logging.CRITICAL)  # what it recovers
     try:
         document = filemanagement.readfile(str(file))
     except (DXFStructureError, UnicodeDecodeError):

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from sonarhw_sim.room.room import Place
-from sonarhw_sim.room.room_file import MOST_NAME, MOST_SURFACES
+from sonarhw_sim.room.room_file import MAX_COORDINATE, MOST_NAME, MOST_SURFACES
 
 from sonarhw.errors import InputError, counted, harmless
 from sonarhw.readings import BoolArray, FloatArray
@@ -81,6 +81,7 @@ class ForeignPlan:
 
 def room_text(plan: ForeignPlan, title: str, reflectance: float, source: str) -> tuple[str, list[str]]:
     """Return the text of a room file, and the notes on how it was made. Raises InputError without any wall."""
+    _check_coordinates(plan, source)
     outlines, gap = _with_joined_ends(plan.outlines)
     plan = replace(plan, notes=[*plan.notes], outlines=outlines)
     if gap > _SAME:
@@ -120,6 +121,18 @@ def room_text(plan: ForeignPlan, title: str, reflectance: float, source: str) ->
     for place in plan.places:
         lines += ["", *_place_lines(place, names)]
     return "\n".join(lines) + "\n", plan.notes
+
+
+def _check_coordinates(plan: ForeignPlan, source: str) -> None:
+    """Raise InputError for coordinates that no room file can have."""
+    points = [outline.points.ravel() for outline in plan.outlines]
+    points += [np.array([*post.center, post.radius]) for post in plan.rounds]
+    points += [np.array(outline.span) for outline in plan.outlines if outline.span is not None]
+    points += [np.array(post.span) for post in plan.rounds if post.span is not None]
+    every = np.concatenate([*points, np.zeros(1)])
+    if not (np.abs(every) <= MAX_COORDINATE).all():  # also NaN
+        worst = every[~(np.abs(every) <= MAX_COORDINATE)][0]
+        raise InputError(f"{source}: a coordinate of {worst:g} m; expected at most {MAX_COORDINATE:g} m")
 
 
 def _wall_lines(outline: WallChain, names: "_Names") -> Iterator[str]:

@@ -11,7 +11,7 @@ import typer
 from sonarhw_cli.app import app
 from sonarhw_sim.board.profile import load_board
 
-from tests.soak.fuzz import boundaries, fuzzed_plugin
+from tests.soak.fuzz import boundaries, foreign_files, fuzzed_plugin
 from tests.soak.fuzz.boundaries import Chance, any_of
 from tests.soak.fuzz.damage import damaged_csv, damaged_toml
 from tests.soak.fuzz.damaged_logs import damaged_log, log_bytes
@@ -154,6 +154,8 @@ class Generator:
             return any_of(chance, _EFFORT[what], _QUICK.get(what, _EFFORT[what][0]))
         if what in ("out", "plot", "board_out", "folder", "headless"):
             return self._output(chance, name, metavar, case)
+        if what == "file" and name in ("import", "room import"):
+            return self._foreign(chance, name, case)
         read = {"spec": self._study, "file": self._csv, "sources": self._log, "url": self._url}.get(what)
         if read is None and metavar.startswith("LOG"):
             read = self._log
@@ -193,6 +195,14 @@ class Generator:
             return chance.choice(boundaries.SPECIAL_FILES)
         case.files[name] = damaged_toml(chance, text) if chance.hostile(0.6) else text.encode()
         return name
+
+    def _foreign(self, chance: Chance, name: str, case: Case) -> str:
+        if chance.hostile(0.08):
+            return chance.choice(boundaries.SPECIAL_FILES)
+        whole = foreign_files.scans() if name == "import" else foreign_files.rooms()
+        read, files = foreign_files.damaged(chance, whole)
+        case.files |= files
+        return read
 
     def _csv(self, chance: Chance, case: Case) -> str:
         if chance.hostile(0.08):

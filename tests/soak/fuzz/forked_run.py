@@ -17,6 +17,7 @@ from sonarhw_cli.app import run
 
 from tests.hang_guard import HANG
 from tests.soak.fuzz.command_lines import Case
+from tests.soak.fuzz.foreign_files import EXECUTED
 
 PROCESSOR, SLOW_PROCESSOR = 10, 60  # s, for one command
 MEMORY = 1 << 30  # bytes, of one command
@@ -174,6 +175,8 @@ def _harm(case: Case, ended: Ended, before: dict[Path, bytes], after: dict[Path,
         if after.get(path) != before[path]:
             yield f"harms {path}"
     new = [path for path in after if path not in before]
+    if Path(EXECUTED) in new:
+        yield "executes a file"
     for path in new:
         if ".part" in path.name or path.name.startswith(".sonarhw"):
             yield f"leaves {path}"
