@@ -125,6 +125,7 @@ CALLS: list[tuple[Callable[..., Any], dict[str, Any], dict[str, str]]] = [
         | {"temperature": "number", "reflectances": "flag", "connect": "function", "progress": "function"},
     ),
     (sonarhw.load_room, {}, {"name": "file"}),
+    (sonarhw.import_room, {}, {"file": "file"}),
     (sonarhw.load_board, {}, {"name": "file"}),
     (sonarhw.load_study, {}, {"path": "file"}),
     (sonarhw.read_study, {}, {"folder": "file"}),
