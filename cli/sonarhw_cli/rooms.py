@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 
 REFUSED = 2  # exit status
-MAX_COORDINATE = 1e6  # m, of a room file
 NewRoomFile = Annotated[Path, typer.Argument(help="File to create.", metavar="[NAME.toml]")]
 
 room_app = CommandList(help="List, write, import and check room files.", no_args_is_help=True)
@@ -61,7 +60,7 @@ def new_room(file: NewRoomFile = Path("room.toml"), size: Size = None, place: Ne
 
 def _write_empty_room(file: Path, size: str, place: str | None) -> None:
     from sonarhw_sim.room.room import read_pose
-    from sonarhw_sim.room.room_arrays import room_from_arrays
+    from sonarhw_sim.room.room_arrays import rectangular_room
 
     checked_out(file, (".toml",), False, option="FILE")
     try:
@@ -72,14 +71,10 @@ def _write_empty_room(file: Path, size: str, place: str | None) -> None:
         pose = None if place is None else read_pose(place)
     except ValueError:
         raise InputError(f"--place {place}: expected X,Y in metres, such as 1.6,0.12, or X,Y,DEG") from None
-    if not (0 < width <= MAX_COORDINATE and 0 < depth <= MAX_COORDINATE):
-        raise InputError(f"--size {size}: expected lengths above 0 and up to {MAX_COORDINATE:g} m")
-    if pose is not None and not (0 < pose[0] < width and 0 < pose[1] < depth):
-        raise InputError(f"--place {place}: is not in the room, whose corners are 0,0 and {width:g},{depth:g}")
-    walls = {"boundary": [[0.0, 0.0], [width, 0.0], [width, depth], [0.0, depth]]}
-    room = room_from_arrays(walls, places=None if pose is None else {"scanner": pose}, name=file.stem)
-    write_text(file, room.text, False)
-    if pose is not None and len(pose) == 2:
+    write_text(file, rectangular_room(width, depth, pose, name=file.stem).text, False)
+    if pose is None:
+        print_note("place 'scanner': in the middle, heading 0, along x; --place X,Y,DEG states another one")
+    elif len(pose) == 2:
         print_note(f"place 'scanner': heading 0 assumed, along x; --place {place},DEG states another one")
 
 
