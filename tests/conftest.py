@@ -15,7 +15,6 @@ Count = Callable[[int, int], int]
 NOT_MEASURED = (
     "contract/test_lines.py",
     "contract/test_scanner.py",
-    "contract/test_text_devices.py",
     "soak",
     "system/cli/comparison/test_calibrate_command.py",
     "system/cli/prediction/test_figures_command.py",

@@ -264,11 +264,14 @@ def test_readings_that_the_device_no_longer_keeps_are_measured_again(bench: Benc
 def test_after_a_reset_during_a_scan_settings_and_zero_are_restored(bench: Bench) -> None:
     bench.do(configuring(TRACES))
     bench.do(configuring_turntable(ConfigureTurntable(90_000_000, 0, 30_000, 1)))
+    before, frames = bench.session.statistics.frames_received, list[bytes]()
+    bench.up = lambda data: (frames.extend(data.split(b"\0")[:-1]), data)[1]
     scan = bench.scan(ORDER, readings=7)
     bench.reset()
     bench.until(lambda: scan.done)
     assert_complete(scan.readings)
     assert all(reading.trace is not None for reading in scan.readings)
+    assert bench.session.statistics.frames_received == before + len(frames)  # of both conversations
     began = bench.now
     bench.do(turning(Turn(270_000_000)))
     assert bench.now - began > 1.9  # at 90°/s

@@ -96,7 +96,7 @@ def numbers(readings: list[Printed]) -> list[tuple[float, float]]:
     return [(round(one.heading or 0.0, 3), round(one.ranges[0] if one.ranges else 0.0, 4)) for one in readings]
 
 
-SEEDS = [*range(12), *(pytest.param(seed, marks=pytest.mark.soak) for seed in range(12, 300))]
+SEEDS = [*range(20), *(pytest.param(seed, marks=pytest.mark.soak) for seed in range(20, 300))]
 
 
 @pytest.mark.parametrize("seed", SEEDS)
