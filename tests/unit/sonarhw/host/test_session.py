@@ -413,11 +413,18 @@ def test_jobs_while_the_device_is_lost_wait_or_are_stopped(bench: Bench) -> None
     assert (waiting.done, waiting.result, scan.done) == (True, Outcome.STOPPED, False)
     bench.until(lambda: scan.done)
     assert_complete(scan.readings)
-    again = bench.scan(ORDER, readings=5)
+
+
+@pytest.mark.parametrize("stopped_first", [False, True])
+def test_a_stopped_scan_ends_without_its_lost_device(bench: Bench, stopped_first: bool) -> None:
+    scan = bench.scan(ORDER, readings=5)
+    if stopped_first:
+        bench.session.stop(scan, bench.now)
     bench.pull(1e6)
     bench.until(lambda: bench.session.state is Connection.LOST)
-    bench.session.stop(again, bench.now)
-    assert (again.done, again.result) == (True, Outcome.STOPPED)
+    assert scan.done == stopped_first
+    bench.session.stop(scan, bench.now)
+    assert (scan.done, scan.result) == (True, Outcome.STOPPED)
 
 
 # jobs
