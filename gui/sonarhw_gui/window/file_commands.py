@@ -20,7 +20,7 @@ from sonarhw_gui.session.session import WindowSession
 from sonarhw_gui.session.source import Replay
 from sonarhw_gui.session.status import link_figures
 from sonarhw_gui.views.base import View, png_pixels, svg_text
-from sonarhw_gui.widgets import plain_tip, show_alone
+from sonarhw_gui.widgets import close_dialogs, plain_tip, show_alone
 from sonarhw_gui.window.dialogs import RecordingsDialog, open_dialog
 from sonarhw_gui.window.import_dialog import ImportDialog
 from sonarhw_gui.window.views import ViewArea
@@ -84,6 +84,7 @@ class FileCommands(QMenu):
 
     @Slot(str)
     def _ask_how_to_read(self, path: str) -> None:
+        close_dialogs(self._window)  # an earlier one of this kind cancels the reading of files when it is closed
         dialog = ImportDialog(Path(path), self._session.shown.look.unit, self._session.jobs, self._window)
         dialog.accepted_as.connect(self._session.import_csv)
         show_alone(dialog)

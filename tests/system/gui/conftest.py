@@ -3,17 +3,26 @@
 import gc
 import sys
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from math import radians
 from pathlib import Path
 
 import pytest
 from PySide6.QtCore import QCoreApplication, QEvent
-from pytestqt.qtbot import QtBot
+from sonarhw_gui.jobs.jobs import Jobs
 from sonarhw_gui.model.scene import Scene
-from sonarhw_gui.session.scanner import Phase, ScannerOpener, ScannerThread, ScanSettings, scan_and_record
+from sonarhw_gui.session.scanner import (
+    Phase,
+    ScannerFinder,
+    ScannerOpener,
+    ScannerTarget,
+    ScannerThread,
+    ScanSettings,
+    scan_and_record,
+)
+from sonarhw_gui.session.session import WindowSession
 from sonarhw_gui.window.start import WindowStart, open_application, open_window
 from sonarhw_gui.window.window import MainWindow
 from sonarhw_sim.predict.room_echoes import RoomEchoes
@@ -21,12 +30,14 @@ from sonarhw_sim.predict.room_echoes import RoomEchoes
 from sonarhw.device.fake_board import FakeBoard
 from sonarhw.device.served import Pace, serve
 from sonarhw.host.scanner import Scanner
+from sonarhw.log import Log, read_log
 from sonarhw.readings import ScanOrder
 from tests.hang_guard import HANG
-from tests.system.gui.driving import activate
+from tests.system.gui.driving import activate, predicted, until
 
 OpenFake = Callable[[Pace], ScannerOpener]
 OpenWith = Callable[..., MainWindow]
+OpenSession = Callable[..., WindowSession]
 ORDER = ScanOrder(start=0.0, step=radians(10), headings=36)
 ENDLESS = replace(ORDER, sweeps=1000)  # every test stops it early
 
@@ -61,26 +72,91 @@ def garbage_collected_between_tests() -> Iterator[None]:
 
 
 @pytest.fixture
-def open_with(qtbot: QtBot, scene: Scene, tmp_path: Path) -> Iterator[OpenWith]:
+def open_with(qapp: object, scene: Scene, tmp_path: Path) -> Iterator[OpenWith]:
     """Return a function that opens a window. At the end, windows are closed and must leave no thread."""
+    with opening(scene, tmp_path / "recordings") as open_it:
+        yield open_it
+
+
+@contextmanager
+def opening(scene: Scene, recordings: Path) -> Iterator[OpenWith]:
     before = working_threads()
     windows: list[MainWindow] = []
 
     def open_it(**start: object) -> MainWindow:
         open_application()
-        settings = {"scene": scene, "order": ORDER, "recordings": tmp_path / "recordings", **start}
+        settings = {"scene": scene, "order": ORDER, "recordings": recordings, **start}
         window = open_window(WindowStart(**settings))
         windows.append(window)
-        activate(qtbot, window)
+        activate(window)
         return window
 
     yield open_it
     for window in windows:
         window.close()
         window.deleteLater()
-    QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete)
-    for thread in working_threads().keys() - before:
+    assert_no_thread_is_left(before)
+
+
+@pytest.fixture(scope="module")
+def open_shared(qapp: object, scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> Iterator[OpenWith]:
+    """Return a function that opens a window for all tests of a module; each begins by bringing it to its own state."""
+    with opening(scene, tmp_path_factory.mktemp("recordings")) as open_it:
+        yield open_it
+
+
+@pytest.fixture
+def window(open_with: OpenWith, recorded: Path) -> MainWindow:
+    """A window with a predicted log."""
+    window = open_with(source=read_log(recorded), source_name=recorded.name, source_file=recorded)
+    until(lambda: predicted(window))
+    return window
+
+
+@pytest.fixture
+def open_session(qapp: object, scene: Scene, tmp_path: Path) -> Iterator[OpenSession]:
+    """Return a function that begins the session of a window, without the window."""
+    before, here, folder = working_threads(), scene, tmp_path / "recordings"
+    sessions: list[WindowSession] = []
+
+    def open_it(
+        source: ScannerTarget | ScannerOpener | Log | None = None,
+        *,
+        scene: Scene = here,
+        order: ScanOrder = ORDER,
+        recordings: Path = folder,
+        find_scanner: ScannerFinder | None = None,
+        memory: Path | None = None,
+    ) -> WindowSession:
+        log = source if isinstance(source, Log) else None
+        target = None if log is not None or source is None else source
+        if target is not None and not isinstance(target, ScannerTarget):
+            target = ScannerTarget("", target)
+        session = WindowSession(scene, target, ScanSettings(recordings, order), None, find_scanner, memory)
+        sessions.append(session)
+        if log is not None:
+            session.show_log(log)
+        session.begin()
+        return session
+
+    yield open_it
+    for session in sessions:
+        session.close()
+        session.deleteLater()
+    assert_no_thread_is_left(before)
+
+
+@pytest.fixture
+def jobs(qapp: object) -> Iterator[Jobs]:
+    jobs = Jobs()
+    yield jobs
+    jobs.close()
+
+
+def assert_no_thread_is_left(before: Mapping[threading.Thread, str]) -> None:
+    for thread in working_threads().keys() - before.keys():
         thread.join(HANG)  # on a busy machine, a window does not wait for all of them
+    QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete)
     assert not {thread.name: module for thread, module in working_threads().items() if thread not in before}
 
 

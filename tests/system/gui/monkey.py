@@ -6,8 +6,8 @@ from pathlib import Path
 
 from PySide6.QtCore import QObject, QPoint, QPointF, Qt, QTimer
 from PySide6.QtGui import QAction, QContextMenuEvent, QWheelEvent
+from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QAbstractItemView, QApplication, QComboBox, QDialog, QLineEdit, QSlider, QTabBar, QWidget
-from pytestqt.qtbot import QtBot
 from shiboken6 import Shiboken
 from sonarhw_gui.jobs.searches import ACCURACIES
 from sonarhw_gui.window.window import MainWindow
@@ -27,8 +27,8 @@ _PATIENCE = 300  # ms for a menu or a modal question, which is closed then
 class Monkey:
     """Carries out random actions in a window, the same ones for the same seed."""
 
-    def __init__(self, qtbot: QtBot, window: MainWindow, files: Sequence[Path], seed: int) -> None:
-        self._qtbot, self._window, self._files = qtbot, window, files
+    def __init__(self, window: MainWindow, files: Sequence[Path], seed: int) -> None:
+        self._window, self._files = window, files
         self._random = random.Random(seed)
         window.commands.close.setEnabled(False)
         self._target: QWidget | None = None  # of the mouse or the keys; the action may close and delete it
@@ -63,7 +63,7 @@ class Monkey:
             if self._target is None or Shiboken.isValid(self._target):
                 raise
             done = "an action that closed its own widget"
-        self._qtbot.wait(self._random.choice((0, 0, 1, 40)))
+        QTest.qWait(self._random.choice((0, 0, 1, 40)))
         return done
 
     def every_command(self) -> list[QAction]:
@@ -84,7 +84,7 @@ class Monkey:
         widget, at = self._somewhere()
         button = self._random.choice((_LEFT, _LEFT, _LEFT, _RIGHT))
         text = f"click {_name(widget)} {at.toTuple()} {button.name}"
-        press = self._qtbot.mouseDClick if self._random.random() < 0.1 else self._qtbot.mouseClick
+        press = QTest.mouseDClick if self._random.random() < 0.1 else QTest.mouseClick
         press(widget, button, self._random.choice(_MODIFIERS[:4]), pos=at)
         return text
 
@@ -93,12 +93,12 @@ class Monkey:
         text, view = f"drag {_name(widget)}", widget.parent()
         if isinstance(view, QAbstractItemView) and view.dragEnabled():
             return "no drag and drop: it waits for a real mouse"
-        self._qtbot.mousePress(widget, _LEFT, pos=at)
+        QTest.mousePress(widget, _LEFT, pos=at)
         for _ in range(self._random.randint(1, 6)):
             at = at + QPoint(self._random.randint(-60, 60), self._random.randint(-60, 60))
-            self._qtbot.mouseMove(widget, at)
-            self._qtbot.wait(15)  # about one frame of a display
-        self._qtbot.mouseRelease(widget, _LEFT, pos=at)
+            QTest.mouseMove(widget, at)
+            QTest.qWait(15)  # about one frame of a display
+        QTest.mouseRelease(widget, _LEFT, pos=at)
         return text
 
     def _wheel(self) -> str:
@@ -119,7 +119,7 @@ class Monkey:
     def _key(self) -> str:
         self._target = target = QApplication.focusWidget() or self._window
         key, modifier = self._random.choice(_KEYS), self._random.choice(_MODIFIERS)
-        self._qtbot.keyClick(target, key, modifier)
+        QTest.keyClick(target, key, modifier)
         return f"key {key.name} with {modifier.name}"
 
     def _type(self) -> str:
@@ -130,7 +130,7 @@ class Monkey:
         self._target = field
         field.selectAll()
         if text.isascii():
-            self._qtbot.keyClicks(field, text)
+            QTest.keyClicks(field, text)
         else:
             field.insert(text)  # QTest has only the keys of ASCII
         return f"type {text!r}"
@@ -162,7 +162,7 @@ class Monkey:
         dialog = dialogs[-1]
         if self._random.random() < 0.4:
             text, self._target = f"Return in {_name(dialog)}", dialog
-            self._qtbot.keyClick(dialog, Qt.Key.Key_Return)
+            QTest.keyClick(dialog, Qt.Key.Key_Return)
             return text
         dialog.close()
         return f"close {_name(dialog)}"

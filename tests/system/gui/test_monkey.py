@@ -13,8 +13,9 @@ from pathlib import Path
 
 import pytest
 from PySide6.QtCore import QCoreApplication, QEvent, QtMsgType
+from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QDialog
-from pytestqt.qtbot import QtBot
+from pytestqt.exceptions import capture_exceptions
 from sonarhw_compare.scans import notes_path
 from sonarhw_gui.model.look import Look
 from sonarhw_gui.model.scene import Scene
@@ -78,21 +79,21 @@ def window(
 
 
 def test_random_actions_raise_no_error(
-    qtbot: QtBot, window: MainWindow, files: list[Path], recorded: Path, count: Count, qtlog: object
+    window: MainWindow, files: list[Path], recorded: Path, count: Count, qtlog: object
 ) -> None:
     actions = count(40, 5000)
-    monkey, last = Monkey(qtbot, window, files, SEED), deque[str](maxlen=25)
+    monkey, last = Monkey(window, files, SEED), deque[str](maxlen=25)
     warm = 0
-    with qtbot.captureExceptions() as errors, collected_between_events():
+    with capture_exceptions() as errors, collected_between_events():
         for number in range(actions):
             if number == max(actions // 5, WARM_UP):
-                warm = settled_memory(qtbot, window, recorded)
+                warm = settled_memory(window, recorded)
             last.append(monkey.act())
             _LOG.debug("%d: %s", number, last[-1])
             assert not errors, f"action {number}: {errors[0][1]!r} after {list(last)}"  # the traceback is in stderr
             assert not critical(qtlog), f"action {number}: {critical(qtlog)} after {list(last)}"
             assert window.isVisible(), f"action {number} closed the window: {list(last)}"
-        end = settled_memory(qtbot, window, recorded)
+        end = settled_memory(window, recorded)
         assert not errors, f"at the end: {errors[0][1]!r} after {list(last)}"
     _LOG.info("%d actions: %.0f MiB after the warm-up, %.0f MiB at the end", actions, warm / 2**20, end / 2**20)
     if warm:
@@ -100,25 +101,25 @@ def test_random_actions_raise_no_error(
 
 
 def test_files_in_turns_raise_no_error_and_keep_the_memory(
-    qtbot: QtBot, window: MainWindow, files: list[Path], recorded: Path, count: Count, qtlog: object
+    window: MainWindow, files: list[Path], recorded: Path, count: Count, qtlog: object
 ) -> None:
     turns, warm = count(len(files), 100), 0
-    with qtbot.captureExceptions() as errors, collected_between_events():
+    with capture_exceptions() as errors, collected_between_events():
         for number, path in enumerate(islice(cycle(files), turns)):
             if number == 2 * len(files):
-                warm = settled_memory(qtbot, window, recorded)
+                warm = settled_memory(window, recorded)
             window.session.open_file(str(path))
             if path.suffix == ".csv":
-                until(qtbot, lambda: bool(window.findChildren(ImportDialog)))
+                until(lambda: bool(window.findChildren(ImportDialog)))
                 for dialog in window.findChildren(ImportDialog):
                     dialog.accept()
                     dialog.close()
-            until(qtbot, lambda: not window.session.jobs.busy("open files"))
-            qtbot.wait(60)  # two ticks
-            until(qtbot, lambda: window.session.shown.scene.room is None or predicted(window))
+            until(lambda: not window.session.jobs.busy("open files"))
+            QTest.qWait(60)  # two ticks
+            until(lambda: window.session.shown.scene.room is None or predicted(window))
             assert not errors, f"{path.name}: {errors[0][1]!r}"
             assert not critical(qtlog), f"{path.name}: {critical(qtlog)}"
-        end = settled_memory(qtbot, window, recorded)
+        end = settled_memory(window, recorded)
     _LOG.info("%d files: %.0f MiB after two of each, %.0f MiB at the end", turns, warm / 2**20, end / 2**20)
     if warm:
         assert end < GROWTH * warm
@@ -129,7 +130,7 @@ def critical(qtlog: object) -> list[str]:
     return [record.message for record in qtlog.records if record.type in _CRITICAL]  # type: ignore[attr-defined]
 
 
-def settled_memory(qtbot: QtBot, window: MainWindow, log: Path) -> int:
+def settled_memory(window: MainWindow, log: Path) -> int:
     """Bring the window to the same state each time, and return its resident memory, bytes."""
     session = window.session
     for popup in iter(QApplication.activePopupWidget, None):
@@ -142,7 +143,6 @@ def settled_memory(qtbot: QtBot, window: MainWindow, log: Path) -> int:
     session.causes.cancel()
     session.finding.cancel()
     until(
-        qtbot,
         lambda: (
             not session.live.running and not session.jobs.busy("save files") and not session.jobs.busy("open files")
         ),
@@ -154,17 +154,17 @@ def settled_memory(qtbot: QtBot, window: MainWindow, log: Path) -> int:
     window.commands.reset_layout.trigger()
     window.resize(1280, 800)
     session.open_file(str(log))
-    until(qtbot, lambda: session.log_file == str(log) and not session.jobs.busy("open files"))
-    until(qtbot, lambda: predicted(window))
+    until(lambda: session.log_file == str(log) and not session.jobs.busy("open files"))
+    until(lambda: predicted(window))
     bscan = window.views.bscan
     for action, wanted in ((bscan.choices.actions()[_ALL_PANES], True), (bscan.polar, False), (bscan.decibels, True)):
         if action.isChecked() != wanted:
             action.trigger()
     for number in reversed(range(len(window.views.large))):  # each is created when it is first visible; last the plan
         window.views.stage.setCurrentIndex(number)
-        qtbot.wait(60)  # two ticks
+        QTest.qWait(60)  # two ticks
         if number == _BSCAN:
-            until(qtbot, lambda: bscan_done(window))
+            until(lambda: bscan_done(window))
     session.notices.clear()
     QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete)
     gc.collect()
@@ -178,8 +178,8 @@ def bscan_done(window: MainWindow) -> bool:
     return shown.bscan is not None and shown.bscan.rows.done == 1 and shown.bscan.settings == view.settings
 
 
-def test_every_command_is_within_reach_of_the_monkey(qtbot: QtBot, window: MainWindow, files: list[Path]) -> None:
-    texts = {action.text().strip("…") for action in Monkey(qtbot, window, files, SEED).every_command()}
+def test_every_command_is_within_reach_of_the_monkey(window: MainWindow, files: list[Path]) -> None:
+    texts = {action.text().strip("…") for action in Monkey(window, files, SEED).every_command()}
     assert {
         "Causes",
         "Scans",

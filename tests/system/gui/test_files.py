@@ -1,0 +1,610 @@
+"""Files in the window: opened and dropped, imported, listed, reloaded when they change, and saved."""
+
+import json
+import os
+import re
+import shutil
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+import sonarhw_sim.board
+from PySide6.QtCore import QMimeData, QPoint, QPointF, Qt, QTimer, QUrl
+from PySide6.QtGui import QDragEnterEvent, QDropEvent, QImage
+from PySide6.QtTest import QTest
+from PySide6.QtWidgets import QApplication, QComboBox, QDialogButtonBox, QLineEdit, QMessageBox
+from sonarhw_cli.app import run
+from sonarhw_gui.jobs.files import (
+    DATA,
+    PICTURES,
+    Documents,
+    FileWatch,
+    list_recordings,
+    save_file,
+    with_own_coordinates,
+    write_data,
+    write_svg,
+)
+from sonarhw_gui.jobs.jobs import Jobs
+from sonarhw_gui.model.edits import with_corner
+from sonarhw_gui.model.look import LengthUnit
+from sonarhw_gui.model.scene import Scene
+from sonarhw_gui.session.session import WindowSession
+from sonarhw_gui.window.dialogs import RecordingsDialog
+from sonarhw_gui.window.import_dialog import ImportDialog
+from sonarhw_gui.window.window import MainWindow
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.room.room import load_room
+
+from sonarhw.errors import InputError, OutputError
+from sonarhw.log import LogMetadata, read_log
+from sonarhw.log.writer import write_scan
+from sonarhw.readings import Reading
+from tests.fixtures.window_scene import ROOM
+from tests.system.gui.conftest import ORDER, OpenSession, OpenWith
+from tests.system.gui.driving import LEFT, activate, dialog_of, enter, key, log_name, predicted, push, until
+
+BOARDS = Path(sonarhw_sim.board.__file__).parent / "shipped"
+
+
+# opened and dropped
+
+
+def drop(window: MainWindow, *paths: Path) -> bool:
+    """Drop files on the window, to be moved or copied; return whether it accepts them, as copies."""
+    data, no_key = QMimeData(), Qt.KeyboardModifier.NoModifier
+    data.setUrls([QUrl.fromLocalFile(str(path)) for path in paths])
+    both = Qt.DropAction.CopyAction | Qt.DropAction.MoveAction
+    entered = QDragEnterEvent(QPoint(200, 200), both, data, LEFT, no_key)
+    dropped = QDropEvent(QPointF(200, 200), both, data, LEFT, no_key)
+    for event in (entered, dropped):
+        event.setDropAction(Qt.DropAction.MoveAction)
+        event.ignore()
+        QApplication.sendEvent(window, event)
+        if not event.isAccepted():
+            return False
+        assert event.dropAction() is Qt.DropAction.CopyAction
+    return True
+
+
+def test_files_are_dropped_listed_opened_again_and_overwritten_only_after_a_question(
+    open_with: OpenWith, recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    window = open_with(source=read_log(recorded), source_file=recorded, used=(ROOM, recorded))
+    session, recent = window.session, window.files
+    assert [action.data() for action in recent.actions()] == [str(recorded), str(ROOM)]
+    for name in ("notes.txt", "picture.png"):
+        assert not drop(window, tmp_path / name)
+    room = tmp_path / "other.toml"
+    room.write_text(ROOM.read_text().replace('name = "Simple room"', 'name = "Other room"'))
+    session.leave_replay()
+    assert drop(window, room, recorded)  # the log is shown in this room
+    until(lambda: session.replay is not None and not session.jobs.busy("open files"))
+    until(lambda: session.shown.scene.room.name == "Other room")
+    assert len(session.shown.readings) == ORDER.readings
+    assert f"recorded in {ROOM.name}; they are now compared with other.toml" in window.banner.message
+    assert [action.text() for action in recent.actions()] == ["other.toml", recorded.name, ROOM.name]
+    session.leave_replay()
+    recent.actions()[1].trigger()
+    until(lambda: session.replay is not None)
+    assert session.documents.recent[0] == str(recorded)
+
+    # a name is proposed that does not exist, in the folder of the log
+    window.commands.save_room_as.trigger()
+    dialog = dialog_of(window)
+    assert dialog.directory().absolutePath() == str(recorded.parent)
+    dialog.reject()
+    session.leave_replay()
+    monkeypatch.setattr(session.documents, "saved_in", tmp_path)
+    (tmp_path / "simple-edited.toml").write_text("an older room")
+    session.open_room("simple")
+    until(lambda: session.shown.scene.room_file == "simple.toml")
+    window.commands.save_room_as.trigger()
+    dialog = dialog_of(window)
+    assert dialog.selectedFiles() == [str(tmp_path / "simple-edited-2.toml")]
+    questions: list[str] = []
+
+    def refuse() -> None:
+        question = QApplication.activeModalWidget()
+        assert isinstance(question, QMessageBox)
+        questions.append(question.text())
+        question.button(QMessageBox.StandardButton.No).click()
+
+    dialog.selectFile("simple-edited.toml")
+    QTimer.singleShot(0, refuse)
+    dialog.accept()
+    assert "already exists" in questions[0]
+    assert (tmp_path / "simple-edited.toml").read_text() == "an older room"
+    dialog.reject()
+
+
+@pytest.mark.parametrize(
+    ("place", "readings", "message"),
+    [
+        ("", 1, "its readings are shown at figure7, the first"),
+        ("figure9", 1, ""),
+        ("figure9", 0, "scan.mcap: contains no readings"),
+    ],
+)
+def test_a_log_without_a_place_or_without_readings_is_opened_with_a_warning(
+    open_session: OpenSession, tmp_path: Path, place: str, readings: int, message: str
+) -> None:
+    metadata = LogMetadata("import", 0.0, ROOM.name, ROOM.read_text(), place)
+    write_scan(tmp_path / "scan.mcap", metadata, [Reading(0, 0, 0, 0.0, 0.0, (0.005,), 343.2)] * readings)
+    session = open_session()
+    session.open_file(str(tmp_path / "scan.mcap"))
+    until(lambda: session.replay is not None)
+    assert session.shown.scene.place.name == (place or "figure7")
+    assert message in session.notices.shown.text
+    assert bool(session.notices.shown.text) == bool(message)
+
+
+def test_readings_are_compared_from_their_place_when_their_room_is_opened_again(
+    open_session: OpenSession, recorded: Path, tmp_path: Path
+) -> None:
+    without, log = tmp_path / "without.toml", read_log(recorded)
+    without.write_text(ROOM.read_text()[: ROOM.read_text().index("[places.figure9]")])
+    session = open_session()
+    session.open_file(str(recorded))
+    until(lambda: session.replay is not None)
+    for room, place in ((without, "figure7"), (ROOM, "figure9")):  # figure7 is the first place of both
+        session.open_file(str(room))
+        until(lambda room=room: session.shown.scene.room_file == room.name)
+        assert session.shown.scene.pose.name == place
+    session.notices.clear()
+    session.show_log(replace(log, metadata=replace(log.metadata, place="0.3,0.3")))
+    session.open_room("simple")
+    until(lambda: "recorded at place 0.3,0.3; they are now compared from figure9" in session.notices.shown.text)
+
+
+# imported
+
+
+@pytest.fixture
+def asked(jobs: Jobs, tmp_path: Path) -> object:
+    """Return a function that writes a CSV file and asks how to read it."""
+    dialogs: list[ImportDialog] = []
+
+    def ask(*lines: str) -> ImportDialog:
+        (tmp_path / "turret.csv").write_text("\n".join(lines) + "\n")
+        dialogs.append(ImportDialog(tmp_path / "turret.csv", LengthUnit.M, jobs, None))
+        dialogs[-1].show()
+        return dialogs[-1]
+
+    yield ask
+    for dialog in dialogs:
+        dialog.reject()
+
+
+def preview(dialog: ImportDialog) -> list[list[str]]:
+    table = dialog.preview
+    columns = range(table.columnCount())
+    return [[table.item(row, column).text() for column in columns] for row in range(table.rowCount())]
+
+
+def step_to(choice: QComboBox, text: str) -> None:
+    """Choose an entry with the arrow keys."""
+    for _ in range(choice.findText(text) - choice.currentIndex()):
+        key(choice, "Down")
+
+
+def test_a_csv_scan_with_known_columns_needs_only_enter(open_with: OpenWith, tmp_path: Path, scene: Scene) -> None:
+    window, csv = open_with(), tmp_path / "turret.csv"
+    assert not window.files.isEnabled()  # no recent file
+    for shortcut in ("Ctrl+E", "Ctrl+Shift+E"):
+        key(window, shortcut)
+        assert "no readings to save" in window.banner.message
+    assert dialog_of(window) is None
+    csv.write_text("turret_deg,range_cm\n0,15.4\n90,\n180,77.4\n")
+    for command in (window.commands.open_log, window.commands.import_scan):
+        command.trigger()
+        dialog_of(window).selectFile(str(csv))
+        dialog_of(window).accept()
+        until(lambda: isinstance(dialog_of(window), ImportDialog))
+        assert dialog_of(window).windowTitle() == "Import turret.csv"
+    activate(dialog_of(window))
+    key(dialog_of(window), "Esc")
+    assert not (tmp_path / "recordings").exists()
+    for _ in range(2):  # another one replaces the open dialog
+        assert drop(window, csv)
+        until(lambda: dialog_of(window) is not None and dialog_of(window).import_button.isEnabled())
+    dialog = dialog_of(window)
+    assert preview(dialog) == [
+        ["0", "15.4", "0.0°", "0.154 m"],
+        ["90", "", "90.0°", "no echo"],
+        ["180", "77.4", "180.0°", "0.774 m"],
+    ]
+    assert dialog.note.text().startswith("3 readings, 1 without an echo; turntable angles 0.0° to 180.0°, 0.154 m to")
+    key(dialog, "Return")
+    until(lambda: len(window.session.shown.readings) == 3)
+    assert window.session.shown.readings[0].range == pytest.approx(0.154, abs=1e-6)
+    assert "turret.csv was imported as turret.mcap" in window.banner.message
+    assert len(read_log(tmp_path / "recordings" / "turret.mcap").readings) == 3
+    assert (window.session.shown.scene.room, window.session.shown.scene.board) == (scene.room, scene.board)
+
+
+def test_every_convention_of_a_csv_scan_is_chosen_with_the_keyboard(asked: object) -> None:
+    dialog, imported = asked("a,b,c", "1,10,500", "2,20,9999", "3,30,700"), []
+    dialog.accepted_as.connect(lambda path, readings: imported.extend(readings))
+    assert "choose the column of the heading" in dialog.note.text()
+    assert not dialog.import_button.isEnabled()
+    step_to(dialog.heading, "b")
+    assert "choose the column of the range" in dialog.note.text()
+    for choice, text in (
+        (dialog.distance, "c"),
+        (dialog.time, "a"),
+        (dialog.unit, "mm"),
+        (dialog.turn, "clockwise"),
+    ):
+        step_to(choice, text)
+    enter(dialog.zero, "90")
+    QTest.keyClicks(dialog.no_echo, "x")
+    assert "'x'; expected a number" in dialog.note.text()
+    assert not dialog.import_button.isEnabled()
+    dialog.no_echo.selectAll()
+    QTest.keyClicks(dialog.no_echo, "9999")
+    until(dialog.import_button.isEnabled)
+    assert [line[3:] for line in preview(dialog)] == [["80.0°", "0.500 m"], ["70.0°", "no echo"], ["60.0°", "0.700 m"]]
+    push(dialog.import_button)
+    assert [reading.range is None for reading in imported] == [False, True, False]
+    assert imported[2].time - imported[0].time == pytest.approx(2.0, abs=1e-5)
+
+
+def test_a_frequent_range_means_no_echo_only_after_the_user_confirms_it(asked: object) -> None:
+    for silence, shown in (("400", "4.000 m"), ("0", "0.000 m")):
+        dialog = asked("turret_deg,range_cm", *(f"{10 * k},{silence if k % 3 else 15.4 + k}" for k in range(12)))
+        until(dialog.silence.isVisible)
+        assert dialog.silence.text() == f"{silence} means no echo (8 readings)"
+        assert preview(dialog)[1][-1] == shown
+        push(dialog.silence)
+        until(lambda dialog=dialog: preview(dialog)[1][-1] == "no echo")
+        assert "12 readings, 8 without an echo" in dialog.note.text()
+        assert not dialog.silence.isVisible()
+    dialog = asked("turret_deg,range_cm", *(f"{5 * k},{30 + k // 2}" for k in range(36)))  # none is frequent
+    until(dialog.import_button.isEnabled)
+    assert not dialog.silence.isVisible()
+
+
+def test_a_wrong_line_is_reported_and_decimal_commas_are_recognised(asked: object) -> None:
+    dialog = asked("deg,m", *(f"{k},0.5" for k in range(20)), "20,oops")
+    until(lambda: "line 22: m is 'oops'; expected a number" in dialog.note.text())
+    assert not dialog.import_button.isEnabled()
+    dialog = asked("Winkel;dist_cm", "1,5;15,4")
+    assert dialog.decimal_comma.isChecked()
+    step_to(dialog.heading, "Winkel")
+    until(dialog.import_button.isEnabled)
+    assert preview(dialog) == [["1,5", "15,4", "1.5°", "0.154 m"]]
+
+
+# recordings
+
+
+def test_recordings_are_listed_newest_first_filtered_and_opened(
+    open_with: OpenWith, jobs: Jobs, recorded: Path, tmp_path: Path
+) -> None:
+    folder, log = tmp_path / "recordings", read_log(recorded)
+    empty = RecordingsDialog(folder, jobs, None)
+    assert "no recordings yet" in empty.summary.text()
+    assert not empty.open_button.isEnabled()
+    folder.mkdir()
+    shutil.copy(recorded, folder / "today.mcap")
+    cellar = log.metadata.room_text.replace('name = "Simple room"', 'name = "Cellar"')
+    older = replace(log.metadata, started=log.metadata.started - 86_400, room_text=cellar)
+    write_scan(folder / "cellar.mcap", older, log.readings[:7])
+    (folder / "broken.mcap").write_text("no log")
+    os.utime(folder / "broken.mcap", (0, 0))
+
+    window = open_with(recordings=folder)
+    key(window, "Ctrl+Shift+O")
+    dialog = dialog_of(window)
+    activate(dialog)
+    until(lambda: dialog.table.rowCount() == 3)
+    rows = [[dialog.table.item(row, column).text() for column in range(7)] for row in range(3)]
+    assert rows[0][1:] == ["Simple room", "figure9", str(ORDER.readings), "yes", "today.mcap", "whole"]
+    assert rows[1][1:6] == ["Cellar", "figure9", "7", "yes", "cellar.mcap"]
+    assert "is not an MCAP file" in rows[2][6]
+    assert rows[0][0] > rows[1][0]
+    assert "3 recordings" in dialog.summary.text()
+    QTest.keyClicks(dialog.search, "cellar fig")
+    assert [dialog.table.isRowHidden(number) for number in range(3)] == [True, False, True]
+    assert not dialog.open_button.isEnabled()
+    dialog.table.selectRow(1)
+    push(dialog.open_button)
+    until(lambda: len(window.session.shown.readings) == 7 and dialog_of(window) is None)
+    assert window.session.shown.scene.room.name == "Cellar"
+    for pressed, name in (("Esc", "cellar.mcap"), ("Return", "today.mcap")):  # of the newest
+        window.commands.show_recordings.trigger()
+        until(lambda: dialog_of(window) is not None and dialog_of(window).table.rowCount() == 3)
+        dialog_of(window).search.clear()
+        dialog_of(window).table.selectRow(0)
+        key(dialog_of(window), pressed)
+        until(lambda name=name: dialog_of(window) is None and log_name(window) == name)
+    window.commands.show_recordings.trigger()
+    window.close()  # open_with checks that no thread is left
+
+    rows, files = list_recordings(folder)
+    while len(rows) < files:
+        rows, files = list_recordings(folder, rows)
+    again, _ = list_recordings(folder, rows)
+    assert [id(row) for row in again] == [id(row) for row in rows]  # unchanged ones are not read again
+    (folder / "today.mcap").unlink()
+    assert [row.path.name for row in list_recordings(folder, rows)[0]] == ["cellar.mcap", "broken.mcap"]
+
+
+# changed by another program
+
+
+def open_own(session: WindowSession, path: Path) -> None:
+    """Open a copy of the simple room in a file of its own."""
+    path.write_text(ROOM.read_text())
+    session.open_file(str(path))
+    until(lambda: session.shown.scene.room_file == path.name)
+
+
+def test_a_changed_room_or_board_is_reloaded_on_request_at_the_same_place_and_fits(
+    open_with: OpenWith, tmp_path: Path
+) -> None:
+    window, path, board = open_with(), tmp_path / "own.toml", tmp_path / "mine.toml"
+    session = window.session
+    open_own(session, path)
+    session.showing.set_place("figure7")
+    path.write_text(ROOM.read_text().replace("0.742", "1.742"))
+    until(window.banner.isVisible)
+    assert "own.toml has changed on disk" in window.banner.message
+    assert session.shown.scene.room.walls.max() < 1
+    push(window.banner.accept_button)
+    until(lambda: session.shown.scene.room.walls.max() > 1.7)
+    assert session.shown.scene.pose.name == "figure7"
+    assert window.views.plan.drawing.plot.vb.viewRect().bottom() > 1.742
+    shutil.copy(BOARDS / "hc-sr04.toml", board)
+    session.open_board(str(board))
+    assert session.shown.scene.board.max_range == load_board("hc-sr04").max_range
+    board.write_text((BOARDS / "lego-nxt.toml").read_text())
+    until(window.banner.isVisible)
+    push(window.banner.accept_button)
+    until(lambda: session.shown.scene.board.max_range == load_board("lego-nxt").max_range)
+
+
+@pytest.fixture
+def edited(open_session: OpenSession, tmp_path: Path) -> tuple[WindowSession, Path]:
+    """Return a session with a moved corner in a room file of its own, and the file."""
+    session, path = open_session(memory=tmp_path / "data" / "window.ini"), tmp_path / "own.toml"
+    open_own(session, path)
+    session.showing.edit(*with_corner(session.shown.scene, 0, (0.4, -0.05)))
+    return session, path
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("0.742", "1.742", "own.toml was changed outside: line"),
+        ('name = "Simple room"', "name = 3", "it is not a valid room: own.toml: name"),
+    ],
+)
+def test_a_room_file_that_was_changed_outside_is_never_overwritten_without_a_question(
+    edited: tuple[WindowSession, Path], old: str, new: str, said: str
+) -> None:
+    session, path = edited
+    theirs, notices = ROOM.read_text().replace(old, new), session.notices
+    path.write_text(theirs)
+    session.save_room_again()
+    assert "not saved" in notices.shown.text
+    assert said in notices.shown.text
+    assert path.read_text() == theirs
+    notices.accept()
+    assert path.read_text() == session.shown.scene.written_room.text
+    assert (path.parent / "own-before.toml").read_text() == theirs
+    assert "own-before.toml" in notices.shown.text
+    session.save_room_again()  # it is the content of this session now
+    assert not (path.parent / "own-before_2.toml").exists()
+    path.unlink()
+    session.save_room_again()  # a removed file is written again
+    assert path.read_text() == session.shown.scene.written_room.text
+
+
+def test_instead_of_overwriting_a_changed_room_file_it_is_reloaded_and_the_edits_can_be_restored(
+    edited: tuple[WindowSession, Path],
+) -> None:
+    session, path = edited
+    mine = session.shown.scene.room.text
+    path.write_text(ROOM.read_text().replace("0.742", "1.742"))
+    session.save_room_again()
+    session.notices.decline()
+    until(lambda: session.shown.scene.room.walls.max() > 1.7)
+    until(lambda: "own.toml has unsaved changes" in session.notices.shown.text)
+    session.notices.accept()
+    assert session.shown.scene.room.text == mine
+
+
+def test_each_change_is_reported_once_and_a_missing_file_is_awaited(tmp_path: Path) -> None:
+    path, files = tmp_path / "room.toml", FileWatch()
+    path.write_text("a")
+    files.watch("room", path)
+    assert not list(files.changed(0.0))
+    path.write_text("longer")
+    assert not list(files.changed(0.5))  # looks once a second
+    assert list(files.changed(1.0)) == [("room", path)]
+    assert not list(files.changed(2.0))
+    path.unlink()
+    assert not list(files.changed(3.0))
+    path.write_text("again and longer")
+    assert [what for what, _ in files.changed(4.0)] == ["room"]
+    files.watch("room", None)
+    path.write_text("unseen")
+    assert not list(files.changed(5.0))
+
+
+# saved
+
+
+def save(window: MainWindow, path: Path, shortcut: str) -> None:
+    """Press the keys, enter a file name and click Save; the caller checks the file."""
+    key(window, shortcut)
+    until(lambda: dialog_of(window) is not None)
+    field = dialog_of(window).findChild(QLineEdit, "fileNameEdit")
+    field.setText(str(path))  # with typed letters Qt's completer would change the name
+    push(dialog_of(window).findChild(QDialogButtonBox).button(QDialogButtonBox.StandardButton.Save))
+    until(lambda: not window.session.jobs.busy("save files"))
+
+
+def test_views_and_the_window_are_saved_as_png_and_as_svg(window: MainWindow, tmp_path: Path) -> None:
+    measured = window.session.shown.look.palette.measured.lower()
+    for shortcut, view in (("Ctrl+P", "plan"), ("Ctrl+Alt+T", "trace"), ("Ctrl+Alt+R", "ranges")):
+        save(window, tmp_path / f"{view}.png", shortcut)
+        image, shown = QImage(str(tmp_path / f"{view}.png")), getattr(window.views, view).picture()
+        assert image.width() == 2 * shown.width()
+        assert image.height() > 2 * shown.height()
+        pixels = ((x, y) for x in range(0, image.width(), 3) for y in range(0, image.height(), 3))
+        assert any(image.pixelColor(x, y).name() == measured for x, y in pixels)
+        save(window, tmp_path / f"{view}.svg", shortcut)
+        svg = ElementTree.parse(tmp_path / f"{view}.svg").getroot()
+        assert svg.tag.endswith("svg")
+        assert any("Simple room · place figure9" in (element.text or "") for element in svg.iter())
+        assert window.status_bar.currentMessage() == f"saved: {tmp_path / f'{view}.svg'}"
+    save(window, tmp_path / "window.png", "Ctrl+Shift+P")
+    image = QImage(str(tmp_path / "window.png"))
+    assert (image.width(), image.height()) == (2 * window.width(), 2 * window.height())
+
+    # clipped to the plot, and without an effect that only browsers support
+    drawing = ElementTree.parse(tmp_path / "plan.svg").getroot()
+    (inside,) = (element for element in drawing.iter() if element.tag.endswith("}svg") and element is not drawing)
+    assert inside.get("overflow") == "hidden"
+    paths = [element for element in drawing.iter() if element.tag.endswith(("path", "polyline"))]
+    assert 0 < len([element for element in inside.iter() if element in paths]) < len(paths)
+    assert window.views.plan.drawing.plot.vb.childGroup.opacity() == 1.0
+    assert "vector-effect" not in (tmp_path / "plan.svg").read_text()
+
+    before = window.views.stage.width()
+    key(window, "2")
+    until(lambda: window.views.stage.width() > before)
+    save(window, tmp_path / "both.png", "Ctrl+P")
+    assert QImage(str(tmp_path / "both.png")).width() == 2 * window.views.side_by_side.width()
+
+
+def test_lines_of_an_svg_have_coordinates_of_their_own() -> None:
+    scaled = """<svg xmlns="http://www.w3.org/2000/svg"><g transform="matrix(2,0,0,-10,5,1)">
+        <path vector-effect="non-scaling-stroke" d="M0,0 L1.5,-2e-1"/><polyline vector-effect="x" points="1,1 3,4 "/>
+        <rect vector-effect="non-scaling-stroke" x="1" y="2" width="3" height="1"/></g></svg>"""
+    path, line, box = ElementTree.fromstring(with_own_coordinates(scaled))[0]
+    assert path.get("d") == "M5,1 L8,3"
+    assert line.get("points") == "7,-9 11,-39 "
+    assert box.get("d") == "M7,-19 L13,-19 L13,-29 L7,-29 Z"
+
+
+def test_exported_data_and_notes_equal_those_of_the_command_line_and_the_report_contains_the_scan(
+    window: MainWindow, recorded: Path, tmp_path: Path
+) -> None:
+    log = Path(shutil.copy(recorded, tmp_path / "scan.mcap"))
+    window.session.open_file(str(log))
+    until(lambda: log_name(window) == "scan.mcap" and predicted(window))
+    window.session.showing.pin(27, "false wall, 3 bounces")
+    window.commands.export_data.trigger()
+    assert dialog_of(window).directory().absolutePath() == str(tmp_path)  # of the log, then the last one used
+    dialog_of(window).close()
+    (tmp_path / "out").mkdir()
+    for ending in (".csv", ".npz", ".json"):
+        save(window, tmp_path / "out" / f"saved{ending}", "Ctrl+E")
+    saved, exported = tmp_path / "out" / "saved.csv", tmp_path / "exported.csv"
+    for ending in (".csv", ".npz"):
+        assert run(["log", "export", str(log), "--out", str(exported.with_suffix(ending))]) == 0
+    assert saved.read_bytes() == exported.read_bytes()
+    header, *lines = saved.read_text().splitlines()
+    assert (header.endswith(",note"), len(lines)) == (True, ORDER.readings)
+    assert [place for place, line in enumerate(lines) if line.endswith(',"false wall, 3 bounces"')] == [27]
+    with np.load(saved.with_suffix(".npz")) as one, np.load(exported.with_suffix(".npz")) as other:
+        assert one.files == other.files
+        numbers = [name for name in one.files if name != "notes"]
+        assert all(np.array_equal(one[name], other[name], equal_nan=True) for name in numbers)
+        assert {k: text for k, text in enumerate(one["notes"]) if text} == {27: "false wall, 3 bounces"}
+    assert json.loads(saved.with_suffix(".json").read_text())["n"] == ORDER.readings
+
+    window.commands.save_report.trigger()
+    assert dialog_of(window).directory().absolutePath() == str(tmp_path / "out")
+    dialog_of(window).close()
+    save(window, tmp_path / "scan.html", "Ctrl+Shift+E")
+    report = (tmp_path / "scan.html").read_text()
+    assert "<h1>Simple room, place figure9</h1>" in report
+    assert "false wall, 3 bounces" in report
+    assert len(re.findall(r"data:image/", report)) == 3
+    assert report.count("<tr><td>") >= ORDER.readings
+
+    mine, questions = tmp_path / "mine.csv", []
+    mine.write_text("mine")
+
+    def say_no() -> None:
+        question = QApplication.activeModalWidget()
+        if isinstance(question, QMessageBox):
+            questions.append(question.text())
+            push(question.button(QMessageBox.StandardButton.No))
+        else:
+            QTimer.singleShot(20, say_no)
+
+    QTimer.singleShot(20, say_no)
+    save(window, mine, "Ctrl+E")
+    assert (len(questions), mine.read_text()) == (1, "mine")
+    dialog_of(window).close()
+
+
+def test_ctrl_s_saves_an_edited_room_in_its_file_or_asks_for_a_name(open_with: OpenWith, tmp_path: Path) -> None:
+    window, file = open_with(), tmp_path / "mine.toml"
+    key(window, "Ctrl+S")
+    until(lambda: dialog_of(window) is not None)
+    assert dialog_of(window).windowTitle() == "Save room as"
+    dialog_of(window).close()
+    open_own(window.session, file)
+    assert window.windowTitle().endswith(" — mine.toml[*]")
+    own, before = set(window.session.shown.scene.room.places), window.session.shown.scene.pose.position
+    for step in (1, 2):  # the file has no places that the sensor was moved to before
+        key(window, "Shift+Up")
+        assert window.isWindowModified()
+        key(window, "Ctrl+S")
+        until(lambda: not window.isWindowModified())
+        room, name = load_room(file), window.session.shown.scene.pose.name
+        assert room.place(name).position == pytest.approx((before[0], before[1] + 0.01 * step))
+        assert set(room.places) == set(window.session.shown.scene.room.places) == {*own, name}
+    assert dialog_of(window) is None
+
+
+def test_for_a_live_scan_the_dialog_opens_in_the_last_folder_but_not_in_the_recordings(tmp_path: Path) -> None:
+    recordings, rooms = tmp_path / "recordings", tmp_path / "rooms"
+    for folder in (recordings, rooms):
+        folder.mkdir()
+    documents, scan = Documents(recordings), str(recordings / "scan.mcap")
+    assert documents.folder(scan) == Path.home()
+    documents.recent = (scan, str(tmp_path / "gone" / "a.toml"), str(rooms / "b.toml"))
+    assert documents.folder(scan) == rooms
+
+
+def test_no_file_is_overwritten_without_permission_or_through_a_link_and_each_needs_a_known_extension(
+    recorded: Path, scene: Scene, tmp_path: Path
+) -> None:
+    mine, link, new = tmp_path / "mine.csv", tmp_path / "plan.svg", tmp_path / "new.svg"
+    mine.write_text("mine")
+    link.symlink_to(mine)
+    data, svg = partial(write_data, recorded, scene, (), ".csv"), partial(write_svg, "<svg/>")
+    for write, endings, path, overwrite, message in (
+        (data, DATA, mine, False, "exists already"),
+        (data, DATA, tmp_path / "a.xlsx", False, r"expected a name ending in \.csv or \.npz or \.json"),
+        (svg, PICTURES, link, True, r"plan\.svg: is a link to .*mine\.csv"),
+    ):
+        with pytest.raises(InputError, match=message):
+            save_file(write, endings, path, overwrite=overwrite)
+    with pytest.raises(OutputError, match="exists already"):  # it appears while the picture is drawn
+        save_file(lambda _: new.write_text("new"), PICTURES, new, overwrite=False)
+    kept = {path.name: path.read_text() for path in tmp_path.iterdir()}
+    assert kept == {"mine.csv": "mine", "plan.svg": "mine", "new.svg": "new"}
+
+
+def test_a_failed_write_is_reported_and_the_next_files_are_saved(
+    open_session: OpenSession, recorded: Path, scene: Scene, tmp_path: Path
+) -> None:
+    session = open_session()
+    write = partial(write_data, recorded, scene, (), ".csv")
+    for path in ("nowhere/a.csv", "b.csv", "c.csv"):
+        session.save(write, DATA, tmp_path / path)
+    until(lambda: not session.jobs.busy("save files"))
+    assert "nowhere" in session.notices.shown.text
+    assert sorted(path.name for path in tmp_path.glob("*.csv")) == ["b.csv", "c.csv"]

@@ -1,0 +1,287 @@
+"""The content of the window without a window: edits of the scene, texts, and scans for searches."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PySide6.QtCore import QObject
+from sonarhw_compare.edits import add_post
+from sonarhw_compare.fit import Estimate, PlacedScan, free_parameters
+from sonarhw_compare.fit.fitting import unexplained, warnings_of
+from sonarhw_compare.locate import PoseSpread
+from sonarhw_compare.match import Summary
+from sonarhw_compare.rooms.evidence import FINE, evidence_of
+from sonarhw_gui.jobs.jobs import Jobs
+from sonarhw_gui.jobs.searches import FitFound, loaded_scans, warnings
+from sonarhw_gui.model import scene as scenes
+from sonarhw_gui.model.edits import (
+    Grip,
+    GripPart,
+    dragged,
+    room_grip,
+    sensor_at,
+    sensor_grip,
+    sensor_turned,
+    surface_at,
+    with_material_values,
+    with_sensor_at,
+)
+from sonarhw_gui.model.look import LengthUnit, Look
+from sonarhw_gui.model.scene import Scene, bounce_losses, scene_of_log, scene_with
+from sonarhw_gui.model.shown import Shown, overlaid
+from sonarhw_gui.session import showing
+from sonarhw_gui.session.kept import NoteStore, is_changed, room_text
+from sonarhw_gui.session.notices import Notices
+from sonarhw_gui.session.scanner import Live, ScanSettings, start_recording
+from sonarhw_gui.session.showing import ShownModel
+from sonarhw_gui.views.echoes import EchoList
+from sonarhw_gui.views.plan_tools import pose_text, surface_text
+from sonarhw_sim.air import Air, Receiver
+from sonarhw_sim.board.profile import OwnBodyPart, load_board, parse_board
+from sonarhw_sim.predict.prediction import predict_scan
+from sonarhw_sim.room.room import Place, Room, load_room, parse_room
+
+from sonarhw.errors import InputError
+from sonarhw.log import read_log
+from sonarhw.readings import Reading
+from tests.fixtures.window_scene import ROOM
+from tests.unit.compare.matching.test_headings import PAPER, PLACE, heading_fit
+from tests.unit.compare.matching.test_headings import ROOM as MATCHED_ROOM
+
+PIXEL = 0.002  # m
+SIMPLE = load_room(ROOM)
+SCENE = Scene(SIMPLE, SIMPLE.places["figure9"], load_board("polaroid-6500"))
+NOWHERE = Scene(None, None, SCENE.board)
+
+
+@pytest.fixture
+def crowded(scene: Scene) -> Scene:
+    """The simple room with a post in the middle."""
+    return replace(scene, room=add_post(scene.room, (0.4, 0.4), 0.1, "shelving"))
+
+
+# edits
+
+
+def test_what_is_under_the_mouse_can_be_gripped(crowded: Scene) -> None:
+    x, y = crowded.pose.position
+    assert sensor_grip(crowded, (0.3, 0.3), (x + 5 * PIXEL, y), PIXEL).part is GripPart.SENSOR
+    assert sensor_grip(crowded, (0.3, 0.3), (0.31, 0.3), PIXEL).part is GripPart.BEAM
+    assert sensor_grip(crowded, None, (0.31, 0.3), PIXEL) is None
+    for at, part, name in (
+        ((0.003, 0.003), GripPart.CORNER, None),
+        ((0.5, 0.003), GripPart.WALL, "bottom"),
+        ((0.4, 0.4), GripPart.POST, "post 1"),
+        ((0.5, 0.4), GripPart.RIM, "post 1"),
+    ):
+        grip = room_grip(crowded.room, at, PIXEL)
+        assert grip.part is part
+        assert name is None or crowded.room.names[grip.surface] == name
+    assert room_grip(crowded.room, (0.7, 0.6), PIXEL) is None
+    assert surface_at(crowded.room, (0.7, 0.6), PIXEL) is None
+
+
+def test_the_sensor_moves_and_turns_with_the_mouse_and_keeps_the_places_of_the_file(scene: Scene) -> None:
+    (x, y), heading = scene.pose.position, scene.pose.heading
+    moved, label = dragged(scene, Grip(GripPart.SENSOR, (x + 0.004, y)), (x - 0.096, y + 0.2))
+    assert moved.pose.position == pytest.approx((x - 0.1, y + 0.2))
+    assert (moved.pose.heading, label, moved.room is scene.room) == (heading, "moving the sensor", True)
+    turned, _ = dragged(scene, Grip(GripPart.BEAM, (x + 0.3, y)), (x, y + 0.1))
+    assert math.degrees(turned.pose.heading - heading) == pytest.approx(90)
+    assert math.remainder(sensor_turned(turned, -math.pi / 2)[0].pose.heading - heading, math.tau) == pytest.approx(0)
+    assert sensor_at(scene, (0.5, 0.5))[0].pose.name == "0.5,0.5"
+
+
+def test_the_sensor_cannot_be_inside_a_post_but_above_a_low_one(crowded: Scene) -> None:
+    with pytest.raises(InputError, match="cannot be inside post 1"):
+        sensor_at(crowded, (0.45, 0.4))
+    beside, _ = sensor_at(crowded, (0.6, 0.4))
+    post = Grip(GripPart.POST, (0.4, 0.4), crowded.room.names.index("post 1"))
+    with pytest.raises(InputError, match="cannot be inside post 1"):
+        dragged(beside, post, (0.58, 0.4))
+    smaller, label = dragged(beside, replace(post, part=GripPart.RIM, point=(0.5, 0.4)), (0.45, 0.4))
+    assert smaller.room.posts[0, 2] == pytest.approx(0.05)
+    assert label == "resizing post 1"
+    room = load_room(ROOM.with_name("doorstep.toml"))
+    assert sensor_at(Scene(room, room.place("tripod"), SCENE.board), (0.5, 1.5))[0].pose.position == (0.5, 1.5)
+    with pytest.raises(InputError, match="inside bin"):
+        sensor_at(Scene(room, room.place("robot"), SCENE.board), (0.5, 1.5))
+
+
+@pytest.mark.parametrize("receiver", Receiver)
+def test_a_recording_contains_the_pose_of_the_sensor_and_the_receiver_of_its_board(
+    scene: Scene, tmp_path: Path, receiver: Receiver
+) -> None:
+    profile = SCENE.board.text.replace('receiver = "board"', f'receiver = "{receiver}"')
+    moved, _ = sensor_turned(sensor_at(scene, (0.5, 0.5))[0], math.radians(30))
+    log, path = start_recording(tmp_path, replace(moved, board=parse_board(profile, "mine.toml")), warn=print)
+    log.close()
+    again = scene_of_log(read_log(path).metadata)
+    assert again.pose.position == (0.5, 0.5)
+    assert math.degrees(again.pose.heading) == pytest.approx(30)
+    assert again.room.places.keys() == {*scene.room.places, "0.5,0.5"}
+    assert again.options.receiver_of(again.board) is receiver
+
+
+def test_a_slider_of_scatter_keeps_a_table_and_one_of_reflectance_replaces_it(scene: Scene) -> None:
+    row = "{ incidence_deg = 0.0, frequency = 50000.0, reflectance = 0.7 }"
+    text = scene.room.text.replace("reflectance = 0.95", f"table = [{row}]")
+    tabled = replace(scene, room=parse_room(text, "mine.toml"))
+    assert surface_text(tabled.room, 0).startswith("bottom · shelving, reflectance up to 0.70")
+    rougher, _ = with_material_values(tabled, "shelving", {"scatter": 0.36})
+    assert rougher.room.tables.keys() == {"shelving"}
+    assert rougher.room.reflectances[0] == pytest.approx(0.7 * 0.8)
+    replaced, _ = with_material_values(rougher, "shelving", {"reflectance": 0.5})
+    assert not replaced.room.tables
+    assert replaced.room.reflectances[0] == pytest.approx(0.5 * 0.8)
+
+
+DRAGGED = with_sensor_at(SCENE, (0.5, 0.4), 0.0)
+
+
+@pytest.mark.parametrize("opened", [SCENE, DRAGGED])
+def test_a_scene_is_changed_exactly_if_its_text_is_and_a_drag_of_the_sensor_writes_none(
+    opened: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    place = SIMPLE.places["figure9"]
+    for now in (
+        SCENE,
+        replace(SCENE, place=SIMPLE.places["figure7"]),
+        replace(SCENE, place=replace(place, heading=0.1)),
+        replace(SCENE, place=replace(place, position=(0.3, 0.3))),
+        replace(SCENE, place=Place("0.5,0.4", (0.500000001, 0.4))),
+        with_sensor_at(SCENE, (0.3, 0.3), 0.0),
+        with_sensor_at(SCENE, (0.5, 0.4), 0.0),
+        NOWHERE,
+    ):
+        assert is_changed(opened, now) == (room_text(opened) != room_text(now))
+
+    def refuse(room: object, place: object) -> None:
+        raise AssertionError("the text of the room was written")
+
+    monkeypatch.setattr(scenes, "with_place", refuse)
+    assert all(is_changed(SCENE, with_sensor_at(SCENE, (0.3, 0.1 * step), 0.0)) for step in range(1, 5))
+
+
+# texts
+
+
+def test_texts_name_a_pose_outside_closed_walls_and_the_loss_of_a_surface(scene: Scene) -> None:
+    def outside(room: Room, at: tuple[float, float]) -> bool:
+        return "outside the walls" in pose_text(replace(scene, room=room, place=Place("", at)), LengthUnit.M)
+
+    doorstep, open_room, arena = (
+        load_room(ROOM.with_name(f"{name}.toml")) for name in ("doorstep", "figure2b", "arena")
+    )
+    seen = outside(scene.room, (0.4, 0.4)), outside(scene.room, (1.4, 0.4)), outside(open_room, (5.0, 5.0))
+    assert (*seen, outside(arena, (3.0, 3.0))) == (False, True, False, True)
+    assert surface_text(scene.room, 0) == "bottom · shelving, reflectance 0.95 (−0.4 dB)"
+    rug = surface_text(doorstep, doorstep.names.index("rug"))
+    assert rug.startswith("rug · rug, reflectance 0.60, scatters 50% (−7.4 dB)")
+
+
+def test_the_losses_along_a_path_add_up_to_its_gain(crowded: Scene) -> None:
+    """For paths over walls, posts, edges, floor and a rough wall."""
+    tall, headings = load_room(ROOM.with_name("doorstep.toml")), np.radians([0.0, 90.0])
+    for scan, surfaces in (
+        (predict_scan(crowded.room, crowded.pose, crowded.board, headings), {"post 1", "bottom"}),
+        (predict_scan(tall, tall.place("robot"), SCENE.board, headings), {"floor", "rug", "bin"}),
+    ):
+        touched = set()
+        for path in range(min(400, len(scan.paths))):
+            losses = bounce_losses(scan, path)
+            assert sum(loss for _, loss in losses) == pytest.approx(20 * math.log10(scan.paths.gains[path]))
+            assert all(1 <= corner <= len(scan.paths.outline(path)) - 2 for corner, _ in losses)
+            touched.update(scan.paths.via(path, scan.room))
+        assert surfaces <= touched
+
+
+def test_all_rows_of_the_list_of_echoes_state_half_of_the_path_also_that_of_the_winner() -> None:
+    scan = predict_scan(SIMPLE, SCENE.place, SCENE.board, np.radians([270.0]))
+    listed = EchoList(scan, 0, LengthUnit.M)
+    half, _, outcome, path = listed.cells(0)
+    assert (half, path) == ("0.827 m", "bottom>top>bottom")
+    assert outcome == f"wins, receiver adds {float(scan.ranges[0]) - 0.827:.3f} m"
+    second = listed.cells(1)
+    assert second[2] == f"{float(second[0][:-2]) - 0.827:.3f} m behind the winner"
+
+
+@pytest.mark.parametrize("everywhere", [False, True])
+def test_a_warning_of_a_fit_names_no_command_and_repeats_no_pose_of_the_list(everywhere: bool) -> None:
+    fit, summary = heading_fit(-105.9, 74.1), Summary(10, 10, 9, 0.3, 0.0, None, None, {}, 1.0, 0.0, 0.0, 0.0, 0.0)
+    few = unexplained([PlacedScan((), PLACE, "this scan")], [summary])  # 3 of 10 echoes match
+    offset = free_parameters(("offset",), ("scan",), MATCHED_ROOM, PAPER)
+    at_bound = warnings_of(replace(fit, parameters=offset, estimates={"offset": Estimate(0.06, 0.001, 0.0, 0.0)}))
+    result = replace(fit, warnings=(*few, *warnings_of(fit), *at_bound))
+    scene = scene_with(PAPER, MATCHED_ROOM, PLACE)
+    texts = warnings(FitFound(scene, 0, everywhere, result, ({}, {}), 0.3, (0.3, 0.3)))
+    assert len(texts) == 3
+    assert "only 30% of the echoes" in texts[0]
+    assert ("search in the whole room" in texts[0]) is not everywhere
+    assert "the room may be symmetric" in texts[1]
+    assert texts[2] == "offset is at its bound, 0.06 m"
+    assert not any("`" in text or "105.9" in text for text in texts)
+
+
+# scans that a search for the room uses
+
+
+def sweep(number: int) -> tuple[Reading, ...]:
+    return tuple(Reading(k, number, 0, 0.1 * k, float(k), (0.01,), 343.0) for k in range(3))
+
+
+def test_each_scan_is_used_once_under_a_name_of_its_own_those_with_a_known_place_first() -> None:
+    first, second = sweep(0), sweep(1)
+    parts = [overlaid("s", part, NOWHERE) for part in (first, second)]
+    hidden = replace(overlaid("hidden", sweep(2), NOWHERE), visible=False)
+    shown = Shown(NOWHERE, readings=(*first, *second), overlays=(*parts, hidden))
+    assert [(scan.name, scan.readings) for scan in loaded_scans(shown, "shown")] == [("s", first), ("s 2", second)]
+    assert [scan.name for scan in loaded_scans(replace(shown, overlays=()), "shown")] == ["shown"]
+    assert loaded_scans(replace(shown, overlays=(), readings=()), "shown") == ()
+    known = loaded_scans(Shown(NOWHERE, readings=first, overlays=(overlaid("k", second, SCENE),)), "shown")
+    assert [(scan.name, scan.has_place) for scan in known] == [("k", True), ("shown", False)]
+    assert known[0].place is SCENE.place
+
+
+def test_readings_of_the_own_body_are_left_out_so_that_evidence_belongs_to_the_right_readings() -> None:
+    body = OwnBodyPart(from_deg=5.0, to_deg=7.0, nearest=1.0, farthest=2.0)  # contains the reading at 0.1 rad
+    scene, readings = replace(NOWHERE, board=replace(NOWHERE.board, own_body=(body,))), sweep(0)
+    (scan,) = loaded_scans(Shown(scene, readings=readings), "shown")
+    assert scan.readings == (readings[0], readings[2])
+    evidence = evidence_of([PlacedScan(readings, scan.place)], [PoseSpread()], scan.board, Air())
+    assert len(scan.readings) == len(evidence.by_reading(evidence.first, FINE)[0])
+
+
+# updates
+
+
+@pytest.fixture
+def model(tmp_path: Path) -> Iterator[ShownModel]:
+    owner = QObject()
+    jobs, notices = Jobs(owner), Notices(owner)
+    live = Live(None, ScanSettings(tmp_path), notices, lambda: None)
+    yield ShownModel(NOWHERE, Look(), lambda: live, jobs, NoteStore(None, notices), notices.warn, owner)
+    jobs.close()
+
+
+def test_results_of_a_fast_scan_are_shown_with_its_next_readings(
+    model: ShownModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Clock:
+        now = 100.0  # s
+
+        def monotonic(self) -> float:
+            return self.now
+
+    clock, updates = Clock(), list[float]()
+    monkeypatch.setattr(showing, "time", clock)
+    model.changed.connect(lambda _: updates.append(clock.now))
+    finished = iter((False, True, False, True, False, False))
+    monkeypatch.setattr(model.forecast, "take", lambda: next(finished))
+    for now, readings in ((0.0, True), (0.02, False), (0.03, True), (0.05, False), (0.06, False), (0.08, False)):
+        clock.now = now
+        model.tick(readings)
+    assert updates == [0.0, 0.03, 0.08]  # the last results come without further readings
