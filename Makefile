@@ -22,6 +22,8 @@ locked = $(PIP_INSTALL) --progress-bar off --require-hashes $(patsubst %,--requi
 	/^Installing/ {print "  installing them"; fflush()}'
 # many tests wait, so more files run in parallel than there are cores; small files of unit tests are last
 AT_ONCE := --dist loadfile --no-loadscope-reorder --max-worker-restart 0
+# of window tests, files with more tests come first, so that both processes end at about the same time
+WINDOWS_AT_ONCE := --dist loadfile --max-worker-restart 0
 # -noreset: otherwise the X server resets when its last window closes, and rejects connections meanwhile
 IN_XVFB := xvfb-run --auto-servernum --server-args='-screen 0 1920x1080x24 -noreset'
 # keyboard focus cannot be shared, so each process has its own X server
@@ -114,7 +116,7 @@ collected: $(VENV)/tools
 # at the same time as the other tests, because most window tests wait; the results follow at the end
 window-tests:
 	@mkdir -p build
-	@$(BIN)/pytest tests/system/gui --slowest 10 $(AT_ONCE) $(TWO_SCREENS) >build/window-tests.txt; \
+	@$(BIN)/pytest tests/system/gui --slowest 10 $(WINDOWS_AT_ONCE) $(TWO_SCREENS) >build/window-tests.txt; \
 		status=$$?; cat build/window-tests.txt; exit $$status
 
 other-tests:

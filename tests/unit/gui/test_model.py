@@ -47,9 +47,9 @@ from sonarhw_sim.room.room import Place, Room, load_room, parse_room
 from sonarhw.errors import InputError
 from sonarhw.log import read_log
 from sonarhw.readings import Reading
+from tests.fixtures.fit_results import BOARD, PLACE, heading_fit
+from tests.fixtures.fit_results import ROOM as FITTED_ROOM
 from tests.fixtures.window_scene import ROOM
-from tests.unit.compare.matching.test_headings import PAPER, PLACE, heading_fit
-from tests.unit.compare.matching.test_headings import ROOM as MATCHED_ROOM
 
 PIXEL = 0.002  # m
 SIMPLE = load_room(ROOM)
@@ -213,10 +213,10 @@ def test_all_rows_of_the_list_of_echoes_state_half_of_the_path_also_that_of_the_
 def test_a_warning_of_a_fit_names_no_command_and_repeats_no_pose_of_the_list(everywhere: bool) -> None:
     fit, summary = heading_fit(-105.9, 74.1), Summary(10, 10, 9, 0.3, 0.0, None, None, {}, 1.0, 0.0, 0.0, 0.0, 0.0)
     few = unexplained([PlacedScan((), PLACE, "this scan")], [summary])  # 3 of 10 echoes match
-    offset = free_parameters(("offset",), ("scan",), MATCHED_ROOM, PAPER)
+    offset = free_parameters(("offset",), ("scan",), FITTED_ROOM, BOARD)
     at_bound = warnings_of(replace(fit, parameters=offset, estimates={"offset": Estimate(0.06, 0.001, 0.0, 0.0)}))
     result = replace(fit, warnings=(*few, *warnings_of(fit), *at_bound))
-    scene = scene_with(PAPER, MATCHED_ROOM, PLACE)
+    scene = scene_with(BOARD, FITTED_ROOM, PLACE)
     texts = warnings(FitFound(scene, 0, everywhere, result, ({}, {}), 0.3, (0.3, 0.3)))
     assert len(texts) == 3
     assert "only 30% of the echoes" in texts[0]
