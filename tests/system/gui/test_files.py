@@ -4,6 +4,7 @@ import json
 import os
 import re
 import shutil
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -47,6 +48,7 @@ from tests.fixtures.window_scene import ROOM
 from tests.system.gui.conftest import ORDER, OpenSession, OpenWith
 from tests.system.gui.driving import LEFT, activate, dialog_of, enter, key, log_name, predicted, push, until
 
+Ask = Callable[..., ImportDialog]
 BOARDS = Path(sonarhw_sim.board.__file__).parent / "shipped"
 
 
@@ -164,7 +166,7 @@ def test_readings_are_compared_from_their_place_when_their_room_is_opened_again(
 
 
 @pytest.fixture
-def asked(jobs: Jobs, tmp_path: Path) -> object:
+def asked(jobs: Jobs, tmp_path: Path) -> Iterator[Ask]:
     """Return a function that writes a CSV file and asks how to read it."""
     dialogs: list[ImportDialog] = []
 
@@ -226,7 +228,7 @@ def test_a_csv_scan_with_known_columns_needs_only_enter(open_with: OpenWith, tmp
     assert (window.session.shown.scene.room, window.session.shown.scene.board) == (scene.room, scene.board)
 
 
-def test_every_convention_of_a_csv_scan_is_chosen_with_the_keyboard(asked: object) -> None:
+def test_every_convention_of_a_csv_scan_is_chosen_with_the_keyboard(asked: Ask) -> None:
     dialog, imported = asked("a,b,c", "1,10,500", "2,20,9999", "3,30,700"), []
     dialog.accepted_as.connect(lambda path, readings: imported.extend(readings))
     assert "choose the column of the heading" in dialog.note.text()
@@ -253,7 +255,7 @@ def test_every_convention_of_a_csv_scan_is_chosen_with_the_keyboard(asked: objec
     assert imported[2].time - imported[0].time == pytest.approx(2.0, abs=1e-5)
 
 
-def test_a_frequent_range_means_no_echo_only_after_the_user_confirms_it(asked: object) -> None:
+def test_a_frequent_range_means_no_echo_only_after_the_user_confirms_it(asked: Ask) -> None:
     for silence, shown in (("400", "4.000 m"), ("0", "0.000 m")):
         dialog = asked("turret_deg,range_cm", *(f"{10 * k},{silence if k % 3 else 15.4 + k}" for k in range(12)))
         until(dialog.silence.isVisible)
@@ -268,7 +270,7 @@ def test_a_frequent_range_means_no_echo_only_after_the_user_confirms_it(asked: o
     assert not dialog.silence.isVisible()
 
 
-def test_a_wrong_line_is_reported_and_decimal_commas_are_recognised(asked: object) -> None:
+def test_a_wrong_line_is_reported_and_decimal_commas_are_recognised(asked: Ask) -> None:
     dialog = asked("deg,m", *(f"{k},0.5" for k in range(20)), "20,oops")
     until(lambda: "line 22: m is 'oops'; expected a number" in dialog.note.text())
     assert not dialog.import_button.isEnabled()

@@ -148,19 +148,6 @@ def test_progress_is_passed_on_until_the_job_is_cancelled(jobs: Jobs) -> None:
     assert (len(seen), results) == (1, [])
 
 
-def test_a_full_lane_refuses_further_jobs(jobs: Jobs) -> None:
-    held, messages, results = Held(), [], []
-    jobs.failed.connect(messages.append)
-    jobs.run("held", held, lane="files")
-    assert held.begun.wait(HANG)
-    for number in range(70):
-        jobs.run(f"save {number}", echo, number, then=results.append, lane="files")
-    assert messages == ["files: 64 jobs are waiting; try again later"] * 6
-    held.gate.set()
-    until(lambda: not jobs.busy("files"))
-    assert results == list(range(64))
-
-
 def test_a_job_that_never_ends_does_not_hold_the_window_and_a_file_is_saved(jobs: Jobs) -> None:
     held, slow, saved = Held(), Held(), []
     jobs.run("search", held)
@@ -432,23 +419,6 @@ def test_the_trace_belongs_to_the_last_chosen_reading_of_the_last_scan(jobs: Job
     traces.follow(Shown(scene, readings=traced(2), chosen=1))
     taken(lambda: traces.bscan is not None and traces.trace is not None)
     assert (degrees(), len(traces.bscan.measured.headings)) == (10.0, 2)
-
-
-def test_a_bscan_is_computed_completely_and_only_while_visible(jobs: Jobs, scene: Scene) -> None:
-    traces = TraceForecast(jobs, print)
-    outline = predict_scan(scene.room, scene.pose, scene.board, np.radians(np.arange(0.0, 360.0, 2.0)))
-    shown = Shown(scene, outline=outline, readings=traced(36), chosen=None)
-    traces.follow(shown)
-    assert not traces.take()
-    traces.request_bscan(replace(SETTINGS, panes=tuple(Pane)))
-    until(lambda: traces.take() is not None and traces.bscan is not None and traces.bscan.rows.done == 1)
-    assert len(traces.bscan.predicted.headings) == 180
-    assert len(traces.bscan.measured.headings) == 36
-    traces.request_bscan(None)
-    before = traces.bscan
-    traces.follow(replace(shown, readings=traced(2)))
-    traces.take()
-    assert traces.bscan is before
 
 
 # messages

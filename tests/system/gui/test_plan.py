@@ -22,7 +22,7 @@ from sonarhw_gui.jobs.forecast import Forecast, PathsFound
 from sonarhw_gui.model.edits import sensor_at
 from sonarhw_gui.model.look import DARK, LIGHT, Look
 from sonarhw_gui.model.scene import Scene, decibels_text, wall_lines
-from sonarhw_gui.model.shown import bounces_text, chosen_path
+from sonarhw_gui.model.shown import Shown, bounces_text, chosen_path
 from sonarhw_gui.views.base import png_pixels, svg_text
 from sonarhw_gui.views.legend import SOUND, Legend
 from sonarhw_gui.views.plan import PlanDrawing
@@ -32,6 +32,7 @@ from sonarhw_gui.window.window import MainWindow
 from sonarhw_sim.predict.prediction import predict_scan
 
 from sonarhw.log import read_log
+from tests.system.gui.conftest import OpenWith
 from tests.system.gui.driving import (
     LEFT,
     begin_drag,
@@ -58,7 +59,7 @@ class Plan:
         self.showing, self.box = window.session.showing, self.view.plot.vb
 
     @property
-    def shown(self) -> object:
+    def shown(self) -> Shown:
         return self.session.shown
 
     @property
@@ -105,7 +106,7 @@ class Plan:
 
 
 @pytest.fixture(scope="module")
-def shared(open_shared: object) -> MainWindow:
+def shared(open_shared: OpenWith) -> MainWindow:
     return open_shared()
 
 

@@ -401,8 +401,7 @@ def test_a_cable_pulled_during_a_scan_shows_a_banner_until_it_is_back_and_the_sc
     echoes.prepare()
     board = echoes.board = FakeBoard(echoes, 3, scene.board.blanking)
     endpoint = during.enter_context(serve(board, tcp="127.0.0.1:0", pace=6.0))
-    source = lambda: Scanner.open(endpoint.url, reconnect=AWAY)  # noqa: E731
-    window = open_with(source=source, autostart=True, order=LONG)
+    window = open_with(source=lambda: Scanner.open(endpoint.url, reconnect=AWAY), autostart=True, order=LONG)
     session, bar = window.session, window.status_bar
     until(lambda: "The scan then continues by itself" in window.banner.message)
     until(lambda: bar.activity.text().startswith("waiting for the scanner"))

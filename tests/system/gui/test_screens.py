@@ -57,11 +57,8 @@ def window(shared: MainWindow) -> MainWindow:
     shared.session.notices.clear()
     shared.session.sound.close()
     shared.session.showing.set_look(Look())
-    for panel in shared.dock_openers:
-        if panel.isChecked():
-            panel.trigger()
-            if panel.isChecked():  # it was behind another one
-                panel.trigger()
+    for dock in shared.docks:
+        dock.close()
     shared.hint.end()
     shared.resize(1280, 800)
     key(shared, "1", "F")
@@ -160,8 +157,8 @@ def test_nothing_is_cut_or_off_screen_with_any_view_or_panel(
     window.session.notices.clear()
     assert not window.hint.isHidden()
     window.commands.views[0].trigger()
-    for panel in reversed(panels):
-        panel.trigger()
+    for dock in window.docks:
+        dock.close()
     drawing = window.views.plan.drawing  # numbers of bounces are within the plan
     numbers = [label.textItem for label in drawing.path._labels if label.isVisible()]
     assert numbers
@@ -350,17 +347,17 @@ def share_of(window: MainWindow, colour: str) -> float:
 
 
 def test_keys_change_palette_unit_text_size_and_large_view(window: MainWindow) -> None:
-    shown, axis = lambda: window.session.shown, window.views.plan.drawing.plot.getAxis("bottom")
+    session, axis = window.session, window.views.plan.drawing.plot.getAxis("bottom")
     assert share_of(window, LIGHT.paper) > 0.3
     key(window, "Ctrl+D")
-    assert shown().look.palette is DARK
+    assert session.shown.look.palette is DARK
     assert share_of(window, DARK.paper) > 0.3
     assert share_of(window, LIGHT.paper) < 0.05  # the selection is white
     key(window, "Ctrl+D")
     assert share_of(window, LIGHT.paper) > 0.3
     for pressed, unit in (("Ctrl+2", LengthUnit.CM), ("Ctrl+3", LengthUnit.FT), ("Ctrl+1", LengthUnit.M)):
         key(window, pressed)
-        assert (shown().look.unit, axis.labelText, axis.scale) == (unit, f"x ({unit.label})", unit.per_metre)
+        assert (session.shown.look.unit, axis.labelText, axis.scale) == (unit, f"x ({unit.label})", unit.per_metre)
     usual = QApplication.font().pointSizeF()
     for pressed, times in ((["Ctrl++"] * 3, 1.1**3), (["Ctrl+-"], 1.1**2), (["Ctrl+0"], 1.0)):
         key(window, *pressed)

@@ -6,7 +6,6 @@ import os
 import re
 import select
 import threading
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -557,7 +556,10 @@ def test_a_scan_is_compared_with_one_from_before_a_post_was_put_up(open_with: Op
     until(view.isVisible)
     texts = (item for item in view.canvas.scene().items() if isinstance(item, QGraphicsTextItem))
     sentence = next(item for item in texts if item.isVisible())
-    axes: Callable[[], list[bool]] = lambda: [view.plot.getAxis(side).isVisible() for side in ("left", "bottom")]  # noqa: E731
+
+    def axes() -> list[bool]:
+        return [view.plot.getAxis(side).isVisible() for side in ("left", "bottom")]
+
     assert sentence.toPlainText().startswith("No scan to compare with: ")
     assert view.canvas.sceneRect().contains(sentence.sceneBoundingRect())
     assert axes() == [False, False]

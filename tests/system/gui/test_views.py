@@ -29,10 +29,10 @@ from sonarhw_gui.jobs.traces import Pane, bscan_slice, chosen_trace
 from sonarhw_gui.model.look import DARK, LIGHT, UNITS, LengthUnit, Look, Unclassed, ViewLayer
 from sonarhw_gui.model.rows import CLASSES, NO_ROWS, Column, ReadingRows, RowQuery, order_of, rows_as_csv
 from sonarhw_gui.model.scene import NoteTexts, Scene
-from sonarhw_gui.model.shown import ClassPoints, Cursor, Shown
+from sonarhw_gui.model.shown import Cursor, Shown
 from sonarhw_gui.views.base import View
 from sonarhw_gui.views.bscan import BScanView
-from sonarhw_gui.views.marks import ReadingMarks, Spots
+from sonarhw_gui.views.marks import Spots
 from sonarhw_gui.views.plan import PlanDrawing
 from sonarhw_gui.views.ranges import RangeView
 from sonarhw_gui.views.table import Sentence, TableView, shortened_to_lines
@@ -529,20 +529,6 @@ def test_shading_has_the_opacity_of_the_probability(ranges: RangeView, four: Sho
         assert colour == pytest.approx(share * shade + (1 - share) * paper, abs=30)  # a grid line may cross
     ranges.show_state(four)
     assert not ranges.shading.isVisible()
-
-
-def test_marks_follow_added_moved_and_removed_readings(qtbot: QtBot) -> None:
-    plot = pg.PlotWidget()
-    qtbot.addWidget(plot)
-    marks = ReadingMarks(plot.plotItem, str)
-    marks.set_look(Look(LIGHT))
-    scatter = marks.scatters[Kind.MATCH]
-    for readings, shift in (((1,), 0), ((1, 4, 5), 0), ((1, 4, 5), 0), ((4, 5), 0), ((4, 5), 0.1), ((), 0)):
-        along = np.array(readings, float)
-        places = np.column_stack((along + shift, along))
-        marks.draw({Kind.MATCH: (ClassPoints(readings, along, along), places)})
-        assert np.array_equal(np.column_stack(scatter.getData()), places)
-        assert (list(scatter.about), scatter.isVisible()) == (list(readings), bool(readings))
 
 
 def _picture(qtbot: QtBot, scatter: pg.GraphicsObject, colours: tuple[str, ...]) -> bytes:

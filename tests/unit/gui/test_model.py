@@ -21,11 +21,8 @@ from sonarhw_gui.model.edits import (
     Grip,
     GripPart,
     dragged,
-    room_grip,
     sensor_at,
-    sensor_grip,
     sensor_turned,
-    surface_at,
     with_material_values,
     with_sensor_at,
 )
@@ -64,35 +61,6 @@ def crowded(scene: Scene) -> Scene:
 
 
 # edits
-
-
-def test_what_is_under_the_mouse_can_be_gripped(crowded: Scene) -> None:
-    x, y = crowded.pose.position
-    assert sensor_grip(crowded, (0.3, 0.3), (x + 5 * PIXEL, y), PIXEL).part is GripPart.SENSOR
-    assert sensor_grip(crowded, (0.3, 0.3), (0.31, 0.3), PIXEL).part is GripPart.BEAM
-    assert sensor_grip(crowded, None, (0.31, 0.3), PIXEL) is None
-    for at, part, name in (
-        ((0.003, 0.003), GripPart.CORNER, None),
-        ((0.5, 0.003), GripPart.WALL, "bottom"),
-        ((0.4, 0.4), GripPart.POST, "post 1"),
-        ((0.5, 0.4), GripPart.RIM, "post 1"),
-    ):
-        grip = room_grip(crowded.room, at, PIXEL)
-        assert grip.part is part
-        assert name is None or crowded.room.names[grip.surface] == name
-    assert room_grip(crowded.room, (0.7, 0.6), PIXEL) is None
-    assert surface_at(crowded.room, (0.7, 0.6), PIXEL) is None
-
-
-def test_the_sensor_moves_and_turns_with_the_mouse_and_keeps_the_places_of_the_file(scene: Scene) -> None:
-    (x, y), heading = scene.pose.position, scene.pose.heading
-    moved, label = dragged(scene, Grip(GripPart.SENSOR, (x + 0.004, y)), (x - 0.096, y + 0.2))
-    assert moved.pose.position == pytest.approx((x - 0.1, y + 0.2))
-    assert (moved.pose.heading, label, moved.room is scene.room) == (heading, "moving the sensor", True)
-    turned, _ = dragged(scene, Grip(GripPart.BEAM, (x + 0.3, y)), (x, y + 0.1))
-    assert math.degrees(turned.pose.heading - heading) == pytest.approx(90)
-    assert math.remainder(sensor_turned(turned, -math.pi / 2)[0].pose.heading - heading, math.tau) == pytest.approx(0)
-    assert sensor_at(scene, (0.5, 0.5))[0].pose.name == "0.5,0.5"
 
 
 def test_the_sensor_cannot_be_inside_a_post_but_above_a_low_one(crowded: Scene) -> None:
