@@ -276,6 +276,34 @@ def test_a_typed_fake_keeps_its_place_and_board_and_the_window_says_so(open_on_f
     assert session.status.fake[0] == "fake scanner, still with board lego-nxt"
 
 
+def test_a_new_room_is_scanned_by_a_fake_scanner_and_closed_again(open_with: OpenWith, scanners: _Scanners) -> None:
+    window = open_with(find_scanner=scanners.find)
+    session, commands = window.session, window.commands
+    commands.new_room.trigger()
+    dialog = dialog_of(window)
+    dialog.name.setText("Cellar")
+    dialog.width_field.setValue(1.2)
+    dialog.depth_field.setValue(0.9)
+    dialog.buttons.accepted.emit()
+    until(lambda: predicted(window))
+    assert session.shown.scene.room.walls.reshape(-1, 2).max(axis=0).tolist() == [1.2, 0.9]
+    assert session.shown.scene.pose.position == (0.6, 0.45)
+    commands.connect_fake.trigger()
+    until(lambda: session.status.can_scan)
+    commands.scan.trigger()
+    until(lambda: len(session.shown.readings) > 3)
+    commands.stop.trigger()
+    until(lambda: ended(window))
+    assert read_log(session.log_file).metadata.room_text == session.shown.scene.room.text
+    assert not window.start_page.isVisible()
+    commands.close_readings.trigger()
+    until(lambda: not session.shown.readings)
+    commands.close_room.trigger()
+    assert session.shown.scene.room is None
+    until(window.start_page.isVisible)
+    assert not window.views.isVisible()
+
+
 # the board that a scanner states
 
 

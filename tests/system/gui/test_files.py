@@ -144,6 +144,16 @@ def test_a_log_without_a_place_or_without_readings_is_opened_with_a_warning(
     assert bool(session.notices.shown.text) == bool(message)
 
 
+def test_a_room_of_another_program_is_imported(open_session: OpenSession, tmp_path: Path) -> None:
+    session, drawing = open_session(), tmp_path / "plan.json"
+    drawing.write_text('{"type": "LineString", "coordinates": [[0, 0], [3.2, 0], [3.2, 2.4], [0, 2.4], [0, 0]]}')
+    session.open_file(str(drawing))
+    until(lambda: "give the unit" in session.notices.shown.text)  # Open room… asks for it
+    session.open_room(drawing, "m")
+    until(lambda: session.shown.scene.room_file == "plan.toml")
+    assert len(session.shown.scene.room.walls) == 4
+
+
 def test_readings_are_compared_from_their_place_when_their_room_is_opened_again(
     open_session: OpenSession, recorded: Path, tmp_path: Path
 ) -> None:

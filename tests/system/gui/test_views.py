@@ -160,9 +160,10 @@ def test_every_view_has_a_menu_of_the_window_resets_its_range_and_selects_readin
     assert not any(item.menuEnabled() for item in plotted)
     entries = window.menuBar().actions()  # keeps references, or Qt deletes the menus
     menus = {entry.text().replace("&", ""): entry.menu() for entry in entries}
-    assert [*menus] == ["File", "Scan", "Edit", "Plan", "Trace", "Replay", "View", "Help"]
+    assert [*menus] == ["File", "Scan", "Edit", "Plan", "Trace", "Analyse", "Replay", "View", "Help"]
     assert all(set(view.actions()) <= set(menus[view.entry.menu].actions()) for view in views.all if view.entry.menu)
-    assert [action.text() for action in menus["View"].actions()][:4] == ["Plan", "Side by side", "B-scan", "Fit view"]
+    listed = [action.text() for action in menus["View"].actions()]
+    assert listed[:4] == ["Plan", "Side by side", "B-scan", "Zoom to all"]
     kept = [action.text() for action in menus["File"].actions() if action.text().startswith("Picture")]
     assert kept == [f"Picture of the {name}…" for name in ("large view", "trace", "ranges", "window")]
 
