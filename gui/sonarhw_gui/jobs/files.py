@@ -20,7 +20,8 @@ from sonarhw_compare.scans import ReadingNote, placed_notes
 from sonarhw_compare.sound import PlayedPing
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.files import file_name, quoted, read_text
-from sonarhw_sim.room.room import load_room, parse_room
+from sonarhw_sim.room.room import Place, Room, load_room, parse_room
+from sonarhw_sim.room.room_writing import with_place
 
 from sonarhw.errors import InputError, LogError, OutputError, json_text, shortened
 from sonarhw.export import export_format, export_suffixes
@@ -88,11 +89,19 @@ def open_room(room_name: Path | str, board: Board, unit: str = "") -> Opened:
     """
     if isinstance(room_name, Path) and room_name.suffix.lower() in FOREIGN_ROOMS:
         imported = import_room(room_name, unit=unit)
-        scene = scene_with(board, imported.room, first_place(imported.room), f"{room_name.stem}{ROOM}")
+        room = imported.room if imported.room.places else _with_place_in_the_middle(imported.room)
+        scene = scene_with(board, room, first_place(room), f"{room_name.stem}{ROOM}")
         return Opened(None, scene, notice=f"{room_name.name} was imported; {'; '.join(imported.notes)}")
     room = load_room(room_name)
     path = room_name if isinstance(room_name, Path) else None
     return Opened(path, scene_with(board, room, first_place(room), file_name(room_name)))
+
+
+def _with_place_in_the_middle(room: Room) -> Room:
+    """Return a room of another program, which names no place, with the sensor in its middle. Raises InputError."""
+    points = np.vstack((room.walls.reshape(-1, 2), room.posts[:, :2]))
+    x, y = ((points.min(axis=0) + points.max(axis=0)) / 2).tolist()
+    return with_place(room, Place("scanner", (x, y)))
 
 
 def at_kept_place(opened: Scene, shown: Scene, recorded: str) -> Scene:

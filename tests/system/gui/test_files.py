@@ -152,6 +152,7 @@ def test_a_room_of_another_program_is_imported(open_session: OpenSession, tmp_pa
     session.open_room(drawing, "m")
     until(lambda: session.shown.scene.room_file == "plan.toml")
     assert len(session.shown.scene.room.walls) == 4
+    assert session.shown.scene.pose.position == (1.6, 1.2)  # the middle: the drawing has no place
 
 
 def test_readings_are_compared_from_their_place_when_their_room_is_opened_again(
