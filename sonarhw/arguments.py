@@ -267,15 +267,23 @@ def in_radians(name: str, read: NDArray[np.float64], degrees: bool) -> NDArray[n
     return read
 
 
-def warn_of_degrees(name: str, radians: NDArray[np.float64], warn: Warn = emit) -> None:
-    """Warn if angles are probably in degrees: some over 10, and all of them multiples of half a degree."""
+def are_degrees(radians: NDArray[np.float64]) -> bool:
+    """Return whether angles are probably in degrees: some over 10, and all of them multiples of half a degree."""
     largest = float(np.abs(radians).max(initial=0.0))
-    if largest > _LARGE_ANGLE and np.array_equal(np.round(2 * radians), 2 * radians):
+    return largest > _LARGE_ANGLE and np.allclose(np.round(2 * radians), 2 * radians, 0, 1e-5)
+
+
+def warn_of_degrees(name: str, radians: NDArray[np.float64], warn: Warn = emit) -> None:
+    """Warn if angles are probably in degrees."""
+    if are_degrees(radians):
+        largest = float(np.abs(radians).max())
         warn(f"{name}: up to {largest:g}, taken as radians; if they are degrees, use degrees=True or np.radians")
 
 
-def warn_of_centimetres(name: str, metres: NDArray[np.float64], warn: Warn = emit) -> None:
-    """Warn if ranges are probably in centimetres or millimetres: half of them are over 30."""
+def warn_of_centimetres(name: str, metres: NDArray[np.float64], warn: Warn = emit) -> bool:
+    """Warn if ranges are probably in centimetres or millimetres: half of them are over 30. Return whether they are."""
     known = metres[np.isfinite(metres)]
-    if len(known) and float(np.median(known)) > _FARTHEST:
+    doubtful = bool(len(known)) and float(np.median(known)) > _FARTHEST
+    if doubtful:
         warn(f"{name}: half of them over {_FARTHEST:g} m; if they are centimetres, divide them by 100")
+    return doubtful

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 from sonarhw_cli.app import run
 from sonarhw_compare.fit.starting import fit_scan
-from sonarhw_compare.imports import are_means, likely_pings
 from sonarhw_compare.match import TOLERANCE, Comparison, Kind, headings_of, match_readings, roc_area
 from sonarhw_sim.air import Model
 from sonarhw_sim.board.profile import Board
@@ -21,6 +20,7 @@ from sonarhw_sim.predict.prediction import PredictionOptions, predict_with
 from sonarhw_sim.room.room import Room, load_room
 
 from sonarhw.log import read_log
+from sonarhw.mean_ranges import are_means, likely_pings
 from sonarhw.readings import FloatArray, Reading
 
 MODELS = (Model.NEAREST, Model.CONE, Model.RAY_FOLLOWING)

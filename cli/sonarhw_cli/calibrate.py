@@ -13,7 +13,14 @@ from sonarhw_sim.air import DEFAULT_BOARD
 
 from sonarhw.errors import InputError, NoPlate
 from sonarhw_cli import options
-from sonarhw_cli.inputs import check_one_of_each, connect_turntable, open_room, open_scan, place_of_pose
+from sonarhw_cli.inputs import (
+    check_one_of_each,
+    connect_turntable,
+    note_assumed_heading,
+    open_room,
+    open_scan,
+    place_of_pose,
+)
 from sonarhw_cli.interruption import interruption
 from sonarhw_cli.outputs import checked_out, progress_of_share, write_figure, write_text
 
@@ -205,6 +212,8 @@ def _in_room(
 
     room, scans = open_room(room_name), [open_scan(log, board) for log in logs]
     check_one_of_each(places, poses, len(scans))
+    for place in places:
+        note_assumed_heading(place)
     with progress_of_share() as show:
         calibration = one_call.calibrate(
             scans,

@@ -9,7 +9,7 @@ from sonarhw_compare.picture_file import PICTURES
 from sonarhw_sim.air import ROOM_TOLERANCE, Model
 
 from sonarhw_cli import options
-from sonarhw_cli.inputs import LogFile, notes_beside, open_in_room, open_scan
+from sonarhw_cli.inputs import LogFile, note_assumed_heading, notes_beside, open_in_room, open_scan
 from sonarhw_cli.outputs import checked_out, progress_of_fit, progress_of_share, text_output, write_figure, write_text
 
 if TYPE_CHECKING:
@@ -120,6 +120,8 @@ def compare_log(
 
     Room, place and board that are not given are taken from the log.
     """
+    if "heading" not in fit:
+        note_assumed_heading(place)
     scan, room, chosen = open_in_room(log_file, room_name, board)
     from sonarhw_compare import one_call
 
@@ -184,6 +186,8 @@ def report(
 ) -> None:
     """Write one HTML file about a scan. It has pictures, a summary, notes, every reading and the settings."""
     checked_out(out, (".html",), force, log_file, room_name, board)
+    if "heading" not in fit:
+        note_assumed_heading(place)
     scan, room, chosen = open_in_room(log_file, room_name, board)
     from sonarhw_compare import one_call
     from sonarhw_compare.report import report_html

@@ -17,6 +17,7 @@ from sonarhw_cli.inputs import (
     LogFile,
     LogFiles,
     check_one_of_each,
+    note_assumed_heading,
     open_in_room,
     open_room,
     open_scan,
@@ -42,8 +43,8 @@ PlacesOfLogs = Annotated[
     list[str] | None,
     typer.Option(
         "--place",
-        help="Place, or X,Y in metres; once for each log. A free position is searched within 25 cm of it.",
-        metavar="P",
+        help="Place, or X,Y in metres and the heading; once for each log. A free position is searched within 25 cm.",
+        metavar="NAME|X,Y[,DEG]",
     ),
 ]
 FreeQuantities = Annotated[
@@ -132,6 +133,8 @@ def fit(
     room = None if room_name is None else open_room(room_name)
     wanted = places if room is None else [room.place(place) for place in places or []]
     profile = load_board(board) if board else None
+    for place in () if "heading" in free else places or ():
+        note_assumed_heading(place)
     scans = [open_scan(file, board) for file in log_files]
     with progress_of_share() as show:
         fitted = one_call.fit(
@@ -298,7 +301,11 @@ def study(
 
 PlacesOfMap = Annotated[
     list[str] | None,
-    typer.Option("--place", help="Place of the room, or X,Y in metres; once for each log.", metavar="P"),
+    typer.Option(
+        "--place",
+        help="Place of the room, or X,Y in metres and the heading; once for each log.",
+        metavar="NAME|X,Y[,DEG]",
+    ),
 ]
 PosesOfLogs = Annotated[
     list[str] | None,
@@ -357,6 +364,8 @@ def map_logs(
     room = None if room_name is None else open_room(room_name)
     scans = [open_scan(file, board) for file in log_files]
     check_one_of_each(places or [], poses or [], len(scans))
+    for place in places or ():
+        note_assumed_heading(place)
     from sonarhw_compare.one_call import map_room
 
     with progress_of_share() as show:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sonarhw.errors import InputError, counted
-from sonarhw_cli.options import VERBOSE, print_detail, prints, warn
+from sonarhw_cli.options import VERBOSE, print_detail, print_note, prints, warn
 
 if TYPE_CHECKING:
     from sonarhw_compare.scanner_url import Find
@@ -130,15 +130,33 @@ def check_one_of_each(places: Sequence[str], poses: Sequence[str], logs: int) ->
 
 def place_of_pose(text: str) -> "Place":
     """Return the place of `X,Y,DEG`, metres and the heading of turntable step 0. Raises InputError for another form."""
-    from sonarhw_sim.room.room import Place, read_pose
+    from sonarhw_sim.room.room import typed_place
 
-    try:
-        x, y, heading = read_pose(text)
-    except ValueError as error:
-        raise InputError(f"--pose {text}: expected X,Y,DEG: metres, metres, degrees") from error
-    if not all(map(math.isfinite, (x, y, heading))):
+    place = typed_place(text)
+    if place is None or text.count(",") < 2:
+        raise InputError(f"--pose {text}: expected X,Y,DEG: metres, metres, degrees")
+    if not all(map(math.isfinite, (*place.position, place.heading))):
         raise InputError(f"--pose {text}: expected three finite numbers")
-    return Place(text, (x, y), heading)
+    return place
+
+
+def place_without_room(text: str) -> str:
+    """Return a place `X,Y` or `X,Y,DEG`, which needs no room. Raises InputError for the name of a place."""
+    from sonarhw_sim.room.room import typed_place
+
+    place = typed_place(text)
+    if place is None or not all(map(math.isfinite, (*place.position, place.heading))):
+        raise InputError(f"--place needs --room: {text} is a place of a room file; X,Y,DEG needs none")
+    note_assumed_heading(text)
+    return text
+
+
+def note_assumed_heading(text: str | None) -> None:
+    """Print that the heading is assumed to be 0 if a place is given as `X,Y` alone."""
+    from sonarhw_sim.room.room import typed_place
+
+    if text and text.count(",") == 1 and typed_place(text) is not None:
+        print_note(f"--place {text}: turntable step 0 is assumed at heading 0°; if it is not, write {text},DEG")
 
 
 # Reading of logs, with a warning if a log is torn or damaged, or if its angles may be wrong.
@@ -183,7 +201,8 @@ def open_scan(log_file: Path, board: str | None = None) -> "GivenScan":
     from sonarhw_compare.scans import GivenScan
 
     scan = GivenScan(str(log_file), log.readings, log, log_file)
-    for doubt in scan.board_doubts if board is None else ():
+    doubts = scan.board_doubts if board is None else ()
+    for doubt in (*doubts, *scan.doubts(scan.board(board))):
         warn(doubt)
     return scan
 

@@ -8,17 +8,25 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from itertools import compress
 from pathlib import Path
-from statistics import median
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from sonarhw_compare.import_formats import FORMATS as IMPORT_FORMATS
-from sonarhw_compare.import_formats import RAW, ROS, TEXT, ImportFormat, formats_text, import_format
+from sonarhw_compare.import_formats import LOG, RAW, ROS, TEXT, ImportFormat, formats_text, import_format
 
 from sonarhw.errors import InputError, counted, counted_are
 from sonarhw.export import FORMATS, export_format, export_suffixes
 from sonarhw_cli import options
-from sonarhw_cli.inputs import LogFile, chosen_place, load_log, notes_beside, open_log, open_room
+from sonarhw_cli.inputs import (
+    LogFile,
+    chosen_place,
+    load_log,
+    note_assumed_heading,
+    notes_beside,
+    open_log,
+    open_room,
+    place_without_room,
+)
 from sonarhw_cli.outputs import binary_output, checked_out, print_written
 
 if TYPE_CHECKING:
@@ -29,9 +37,6 @@ if TYPE_CHECKING:
     from sonarhw.text.layouts import Layout
 
 # `sonarhw import`: convert scans of other programs to logs.
-
-
-_FAR = 20.0  # m; beyond the range of any such board
 
 
 ForeignFile = Annotated[Path, typer.Argument(help=f"A scan in one of these formats: {formats_text()}.", metavar="FILE")]
@@ -55,7 +60,7 @@ RangeUnit = Annotated[
     str | None, typer.Option("--unit", help="Text: unit of the ranges: m, cm, mm, in, ft, us.", metavar="UNIT")
 ]
 AngleUnit = Annotated[
-    str | None, typer.Option("--angle", help="Text: unit of the angles: deg, rad, gon, step.", metavar="UNIT")
+    str | None, typer.Option("--angle", help="Text, logs: unit of the angles: deg, rad, gon, step.", metavar="UNIT")
 ]
 Variable = Annotated[
     str | None, typer.Option(help="MAT, NPZ: the array to read, also in a structure: data.signal.", metavar="NAME")
@@ -75,7 +80,7 @@ RangeColumn = Annotated[
     str | None,
     typer.Option("--range", help="CSV: column of the range; an empty field means no echo.", metavar="COL"),
 ]
-RangeScale = Annotated[float, typer.Option(help="CSV: metres per unit of the range column.")]
+RangeScale = Annotated[float, typer.Option(help="CSV, logs: metres per unit of the ranges.")]
 Turn = Annotated[Literal["ccw", "cw"], typer.Option(help="Direction in which these angles increase.")]
 HeadingZero = Annotated[
     float, typer.Option("--heading-zero", help="Turntable angle for the angle 0 in the file, degrees.")
@@ -120,8 +125,10 @@ _OF_TRACES = " {value:g}: only for formats with traces; {file} has ranges"
 _OF_TEXT = " {value}: only for text; {file} has the format {title}"
 # what options need of the format of the file, one of `_facts`
 _RULES = (
-    options.Rule("import", "--heading --range --time --decimal-comma --scale --mean-of", _OF_CSV, "csv"),
-    options.Rule("import", "--preset --pattern --unit --angle", _OF_TEXT, "text"),
+    options.Rule("import", "--heading --range --time --decimal-comma --mean-of", _OF_CSV, "csv"),
+    options.Rule("import", "--scale", _OF_CSV, "csv log"),
+    options.Rule("import", "--preset --pattern --unit", _OF_TEXT, "text"),
+    options.Rule("import", "--angle", _OF_TEXT, "text log"),
     options.Rule("import", "--threshold --blanking --speed-of-sound", _OF_TRACES, "traces"),
     options.Rule(
         "import", "--no-echo", " {value:g}: only for formats with ranges; {file} has traces", excludes="traces"
@@ -143,6 +150,7 @@ def _facts(kind: ImportFormat | None) -> list[str]:
         "steps": kind.has_step,
         "bag": kind is ROS,
         "text": kind is TEXT,
+        "log": kind is LOG,
     }
     return [fact for fact, is_true in facts.items() if is_true]
 
@@ -185,7 +193,7 @@ def import_scan(
     option that decides it. --heading and --range read a CSV file by the names of its columns. With --room, --place and
     --board, compare, report and fit need no options for them.
     """
-    from sonarhw_compare.foreign_csv import Meaning, likely_no_echo, read_foreign_scan
+    from sonarhw_compare.foreign_csv import Meaning, read_foreign_scan
 
     from sonarhw.log.writer import write_scan
 
@@ -202,6 +210,7 @@ def import_scan(
     meaning = Meaning(
         scale=scale,
         sign=-1.0 if turn == "cw" else 1.0,
+        unit_deg=_angle_unit(angle) if file_format is LOG else 1.0,
         zero=heading_zero,
         no_echo=no_echo,
         speed_of_sound=speed_of_sound,
@@ -219,14 +228,13 @@ def import_scan(
         readings = _read(file, meaning, *stated, name)
     else:
         readings = _without_means(file, read_foreign_scan(file, columns, meaning), meaning, mean_of)
+    if file_format is LOG:
+        metadata = _with_those_of(load_log(file).metadata, metadata)
     write_scan(out, metadata, readings, overwrite=force)
     echoes = sum(reading.range is not None for reading in readings)
     options.print_note(f"{counted(len(readings), 'reading')}, {echoes} with an echo, in {out}")
-    _warn_of_far_ranges(readings, scale)
-    if columns is None:
-        _warn_of_clamped_ranges(readings)
-    elif no_echo is None and (likely := likely_no_echo(file, columns)):
-        options.warn(f"{likely[1]} ranges are {likely[0]:g}; if this means no echo, add --no-echo {likely[0]:g}")
+    silent = math.nan if no_echo is None else no_echo * scale
+    _warn_of_readings(readings, metadata, silent, scale if file_format in (None, LOG) else None, mean_of)
 
 
 def _format_of(file: Path, name: str, rate: float | None, by_columns: bool) -> ImportFormat | None:
@@ -274,21 +282,16 @@ def _columns(
 
 
 def _without_means(file: Path, readings: "list[Reading]", meaning: "Meaning", mean_of: int | None) -> "list[Reading]":
-    """Return the readings without means of different ranges. Warns if there likely are some and `mean_of` is None."""
+    """Return the readings without means of different ranges; all of them if `mean_of` is None."""
     import numpy as np
-    from sonarhw_compare.imports import MOST_PINGS, are_means, likely_pings, unit_of
 
+    from sonarhw.mean_ranges import MOST_PINGS, are_means, unit_of
+
+    if mean_of is None:
+        return readings
     silent = math.nan if meaning.no_echo is None else meaning.no_echo * meaning.scale
     ranges = np.array([silent if reading.range is None else reading.range for reading in readings])
     unit = unit_of(ranges, meaning.scale)
-    if mean_of is None:
-        if pings := likely_pings([ranges], unit):
-            count = int(are_means(ranges, unit, pings).sum())
-            options.warn(
-                f"{count} ranges are likely means of {pings} pings with different ranges, so nothing is there; "
-                f"to leave them out, add --mean-of {pings}"
-            )
-        return readings
     if not 2 <= mean_of <= MOST_PINGS:
         raise InputError(f"--mean-of {mean_of}: expected 2 to {MOST_PINGS} pings")
     kept = list(compress(readings, ~are_means(ranges, unit, mean_of)))
@@ -357,31 +360,47 @@ def _metadata(room_name: str | None, place: str | None, board: str | None) -> "L
         profile = load_board(board)
         metadata = replace(metadata, board=profile.name, board_text=profile.text)
     if room_name is None:
-        return metadata
+        return metadata if place is None else replace(metadata, place=place_without_room(place))
     room = open_room(room_name)
+    note_assumed_heading(place)
     here = "" if place is None and len(room.places) != 1 else chosen_place(room, place).name
     return replace(metadata, room_file=file_name(room_name), room_text=room.text, place=here)
 
 
-def _warn_of_far_ranges(readings: "list[Reading]", scale: float) -> None:
-    ranges = [reading.range for reading in readings if reading.range is not None]
-    if ranges and (middle := median(ranges)) > _FAR:
-        options.warn(
-            f"half of the ranges are over {middle:.4g} m, beyond the range of such a board; "
-            f"if they are centimetres, use --scale {scale / 100:g}"
-        )
+def _warn_of_readings(
+    readings: "list[Reading]", metadata: "LogMetadata", silent: float, scale: float | None, mean_of: int | None
+) -> None:
+    """Warn of what is probably wrong in the readings, in the numbers of the file if their `scale` is known."""
+    from sonarhw_compare.scans import board_of_log, reach_of
+
+    from sonarhw.scan_check import ANY_BOARD, check_scan
+
+    reach = reach_of(board_of_log(metadata)) if metadata.board else ANY_BOARD
+    for doubt in check_scan(readings, reach, silent):
+        if doubt.kind == "means" and mean_of is not None:
+            continue
+        text = str(doubt)
+        if doubt.silent is not None:
+            number = "NUMBER" if scale is None else f"{doubt.silent / scale:g}"
+            text = re.sub(r"--no-echo [\d.]+", f"--no-echo {number}", text)
+        options.warn(text)
 
 
-def _warn_of_clamped_ranges(readings: "list[Reading]") -> None:
-    """Warn if a tenth of the readings have exactly the longest range, which then likely stands for no echo."""
-    ranges = [round(reading.range, 6) for reading in readings if reading.range is not None]
-    longest = max(ranges, default=0.0)
-    count = ranges.count(longest)
-    if count >= max(3, 0.1 * len(ranges)) and len({*ranges}) > 1:
-        options.warn(
-            f"{count} readings have exactly the longest range, {longest:.4g} m; if this means no echo, add "
-            "--no-echo NUMBER, the number in the file"
-        )
+def _with_those_of(recorded: "LogMetadata", given: "LogMetadata") -> "LogMetadata":
+    """Return the metadata of a corrected log: room, place and board that are not given are the recorded ones."""
+    if not given.room_text:
+        place = given.place or recorded.place
+        given = replace(given, room_file=recorded.room_file, room_text=recorded.room_text, place=place)
+    return given if given.board else replace(given, board=recorded.board, board_text=recorded.board_text)
+
+
+def _angle_unit(angle: str | None) -> float:
+    """Return the degrees that a unit of angles has, 1 by default. Raises InputError."""
+    from sonarhw.text.words import ANGLE_UNITS
+
+    if angle is not None and angle not in ANGLE_UNITS:
+        raise InputError(f"--angle {angle}: expected {', '.join(ANGLE_UNITS)} for a log")
+    return ANGLE_UNITS[angle or "deg"]
 
 
 def _check_options(scale: float, heading_zero: float) -> None:

@@ -444,7 +444,6 @@ _NOT_OF_TWO = ": not used with --with, which compares two scans without a predic
 _PLATE_OR_ROOM = " and --room: expected one of them; a plate has a distance, a room has places"
 _ALONE = "give only one of them"
 _ALL_POSES = " {value}: contains the poses of all logs; leave out --place and --pose"
-_OF_ROOM = " needs --room: it is a place of a room file"
 RULES = (
     Rule(
         "calibrate",
@@ -466,16 +465,13 @@ RULES = (
     Rule("doctor", "--plate", f", --no-turn: the plate needs the turntable; {_ALONE}", excludes="--no-turn"),
     Rule("fake", "--pty", f", --tcp: a scanner has one line; {_ALONE}", excludes="--tcp"),
     Rule("flash", "--force", ": also give --controller", "--controller"),
-    Rule("import", "--place", _OF_ROOM, "--room"),
     Rule("info", "--watch", f", --json: {_ALONE}", excludes="--json"),
     Rule("map", "--poses", _ALL_POSES, excludes="--place --pose"),
     Rule("map", "--place", " and --pose: expected one of them, once for each log", excludes="--pose"),
     Rule("ports", "--ask", f", --guess: {_ALONE}", excludes="--guess"),
     Rule("replay", "--pty", f", --tcp: a scanner has one line; {_ALONE}", excludes="--tcp"),
-    Rule("scan", "--place", _OF_ROOM, "--room"),
     Rule("serve", "", "give --foxglove: it is the only protocol that is served", "--foxglove"),
     Rule("serve", "--out", ": give the number of sweeps, too: --sweeps N", "--sweeps"),
-    Rule("serve", "--place", _OF_ROOM, "--room"),
     Rule("simulate", "--pings --room-tolerance", " {value:g}: needs --probability", "--probability"),
     Rule("simulate", "--probability", ": needs --model ray-following; {other} states no probability", "", "--model"),
     Rule(

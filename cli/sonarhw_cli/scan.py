@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sonarhw.errors import InputError, counted, counted_are, harmless
+from sonarhw.errors import DeviceError, InputError, counted, counted_are, harmless
 from sonarhw.export import HEADER, row
 from sonarhw_cli import inputs, options
 from sonarhw_cli.interruption import LAST_WORDS, Interruption, interruption
@@ -89,6 +89,7 @@ def room_and_place(room_name: str | None, place: str | None, out: Path | None) -
     if room_name is None:
         return None
     room = inputs.open_room(room_name)
+    inputs.note_assumed_heading(place)
     if place is None and len(room.places) != 1:
         raise InputError(
             f"--room {room_name}: give --place NAME or --place X,Y in metres; its places: "
@@ -98,15 +99,15 @@ def room_and_place(room_name: str | None, place: str | None, out: Path | None) -
     return room, inputs.chosen_place(room, place)
 
 
-def log_metadata(room_name: str | None, where: "tuple[Room, Place] | None") -> "LogMetadata":
-    """Return the metadata of a log that begins now, with the room of `room_and_place`."""
+def log_metadata(room_name: str | None, where: "tuple[Room, Place] | None", place: str | None = None) -> "LogMetadata":
+    """Return the metadata of a log that begins now, with the room of `room_and_place`, or a `place` X,Y,DEG alone."""
     from sonarhw_sim.files import file_name
 
     from sonarhw.log import LogMetadata
 
     metadata = LogMetadata(made_by="scan", started=time.time())
     if room_name is None or where is None:
-        return metadata
+        return metadata if place is None else replace(metadata, place=place)
     room, here = where
     return replace(metadata, room_file=file_name(room_name), room_text=room.text, place=here.name)
 
@@ -181,8 +182,9 @@ def scan(
     checked_out(out, (options.LOG,), force, url, room, board)
     check_request(request)
     where = room_and_place(room, place, out)
+    alone = None if room or place is None else inputs.place_without_room(place)
     with inputs.connect(url, reconnect) as scanner:
-        metadata, air = log_metadata(room, where), where[0].air if where else None
+        metadata, air = log_metadata(room, where, alone), where[0].air if where else None
         _record(scanner, request, out, force, metadata, air)
 
 
@@ -209,9 +211,23 @@ def _record(
         record_scan(scanner, plan, log, terminal)
     options.print_note(f"{counted(terminal.count, 'reading')}, {terminal.echoes} with an echo, in {log.path}")
     _report_ignored(scanner)
+    _report_doubts(scanner.url, terminal.readings, board)
     if not request.turns_by_itself:
         _warn_of_another_count(terminal.count, request)
     _warn_of_the_link(scanner)
+
+
+def _report_doubts(url: str, readings: "list[Reading]", board: "Board") -> None:
+    """Print what is probably wrong in the readings. Raises DeviceError if they are of no use."""
+    from sonarhw_compare.scans import reach_of
+    from sonarhw_sim.board.profile import without_own_body
+
+    from sonarhw.scan_check import check_scan
+
+    for doubt in check_scan(without_own_body(board.own_body, readings), reach_of(board)):
+        if doubt.spoils:
+            raise DeviceError(f"{url}: {doubt}")
+        options.warn(str(doubt))
 
 
 def _log(out: Path, metadata: "LogMetadata", force: bool) -> "LogWriter":
@@ -232,6 +248,7 @@ class _Terminal:
         """Show the progress of a scan with `scanner`. `exit_stack` closes the bar."""
         self.count = 0
         self.echoes = 0  # readings with an echo
+        self.readings: list[Reading] = []  # without traces
         self.interrupted: Interruption
         self.log: LogWriter | None = None  # none yet
         self._scanner = scanner
@@ -265,6 +282,7 @@ class _Terminal:
     def reading(self, reading: "Reading") -> None:
         self.count += 1
         self.echoes += bool(reading.echo_times)
+        self.readings.append(replace(reading, trace=None))
         if self._began is None:
             self._began = min(self._scanner.scan_began, reading.time)
         if self._request.show:
@@ -511,6 +529,7 @@ def serve(
     request = ScanRequest(order, board, max_range, temperature, traces, False, zero_here, not takes_orders(url))
     check_request(request)
     where = room_and_place(room, place, out)
+    alone = None if room or place is None else inputs.place_without_room(place)
     with FoxgloveServer(tcp) as server:
         options.print_line(server.url)
         with inputs.connect(url, reconnect) as scanner:
@@ -519,7 +538,7 @@ def serve(
             # a replay and a device that turns by itself have another number of readings than the order
             fixed_order = order if scanner.info.capabilities else None
             publisher = _Publisher(server, fixed_order, where, profile)
-            metadata = replace(log_metadata(room, where), board=profile.name, board_text=profile.text)
+            metadata = replace(log_metadata(room, where, alone), board=profile.name, board_text=profile.text)
             try:
                 _scan(scanner, plan, publisher, metadata, out, force)
             finally:

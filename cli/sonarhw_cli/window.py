@@ -296,7 +296,7 @@ def _scene(request: _Request, begin_at: str | None = None) -> "Scene":
     board = load_board(request.board or DEFAULT_BOARD)
     if request.room is None:
         if request.place is not None:
-            raise InputError("--place needs --room: it is a place of a room file")
+            raise InputError("--place needs --room: the window shows a place in a room")
         return scene_with(board)
     room = load_room(request.room)
     if request.place is None and begin_at is not None:

@@ -57,6 +57,7 @@ class Meaning:
     variable: str | None = None  # of a MAT or NPZ file; None: the only array
     axis: str | None = None  # "rows" or "columns": what a ping is in a table of samples; None: rows, unless doubtful
     full_scale: float | None = None  # of samples, such as volts; None: that of their type
+    unit_deg: float = 1.0  # degrees per unit of heading
 
 
 @dataclass(frozen=True)
@@ -78,7 +79,7 @@ def readings_of(where: str, rows: Iterable[ForeignRow], meaning: Meaning) -> lis
     readings: list[Reading] = []
     samples = 0
     for number, row in enumerate(rows):
-        angle = math.radians(meaning.zero + meaning.sign * row.heading)
+        angle = math.radians(meaning.zero + meaning.sign * meaning.unit_deg * row.heading)
         before = readings[-1] if readings else None
         if number >= MOST_READINGS:
             raise InputError(f"{where}: has more than {MOST_READINGS} readings; split it into several files")
@@ -114,8 +115,8 @@ def _check(reading: Reading, before: Reading | None, began: float, where: str) -
     degrees = math.degrees(reading.angle)
     if abs(degrees) > MOST_DEGREES:
         raise InputError(f"{where}: turntable angle {degrees:g} degrees; expected at most {MOST_DEGREES:g}")
-    if reading.range is not None and reading.range > MOST_RANGE:
-        raise InputError(f"{where}: range {reading.range:g} m; expected at most {MOST_RANGE:g} m; check the scale")
+    if (farthest := max(reading.echo_ranges, default=0.0)) > MOST_RANGE:
+        raise InputError(f"{where}: range {farthest:g} m; expected at most {MOST_RANGE:g} m; check the scale")
     if before and reading.time < before.time:
         raise InputError(
             f"{where}: time {reading.time:g} s is before the reading above it at {before.time:g} s; "

@@ -59,7 +59,8 @@ RAW = ImportFormat(
     True,
     "foreign_traces:read_raw_traces",
 )
-FORMATS = (TEXT, CARMEN, PLAYER, PING360, ROS, JSON_MCAP, RAW)
+LOG = ImportFormat("log", (), "logs (.mcap), to correct them", False, False, "imports:read_own_log")
+FORMATS = (TEXT, CARMEN, PLAYER, PING360, ROS, JSON_MCAP, RAW, LOG)
 _MAGIC = (
     (b"#ROSBAG", ROS),
     (b"SQLite format 3\0", ROS),
@@ -80,7 +81,7 @@ _MCAP = b"\x89MCAP0\r\n"
 def import_format(file: Path, rate: float | None, name: str = "") -> ImportFormat:
     """Return the format of a file: that of a name, else by its content, else by its suffix, else text.
 
-    With a sampling `rate`, text is a table of samples. Raises InputError for a log, and for a folder that is no bag.
+    With a sampling `rate`, text is a table of samples. Raises InputError for a folder that is no bag.
     """
     if name:
         named = next((kind for kind in FORMATS if kind.name == name), None)
@@ -143,9 +144,9 @@ def _is_player_line(line: str) -> bool:
 
 
 def _of_mcap(file: Path, start: bytes) -> ImportFormat:
-    """Return the format of an MCAP file by the encoding of its messages. Raises InputError for a log."""
+    """Return the format of an MCAP file by the encoding of its messages."""
     if b"sonarhw" in start[:200] or len(start) < 20:
-        raise InputError(f"{file}: is a log already, which all commands read")
+        return LOG
     if b"ros2" in start[8:64] or b"ros1" in start[8:64] or b"cdr" in start:
         return ROS
     return JSON_MCAP

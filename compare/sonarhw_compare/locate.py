@@ -15,6 +15,7 @@ from sonarhw_sim.room.room import Place, Room
 
 from sonarhw.errors import InputError, counted
 from sonarhw.readings import FloatArray, Reading, angle_difference
+from sonarhw_compare.corrections import MIRRORED
 from sonarhw_compare.fit.fitting import check_fit
 from sonarhw_compare.fit.objective import MODERATE, Problem, make_problem
 from sonarhw_compare.fit.parameters import Parameter, free_parameters
@@ -145,6 +146,8 @@ FEWEST = 7  # independent readings of a scan whose probabilities mean something;
 NEAR = 0.1  # m, largest distance of a pose that counts as a place of the room
 _ANY_HEADING = math.radians(90)  # standard deviation above which the heading counts as unknown
 _CONTRADICTION = 4.0  # standard deviations between the known heading and the located one
+_MIRRORED_MAXIMA = 4  # of the lattice of a mirrored scan, that are refined
+_CLEARLY = 3.0  # log-likelihood of independent readings by which a mirrored scan must be better
 _RIVAL = 0.25  # a second pose with more than this share of the first's probability makes the answer ambiguous
 
 
@@ -206,11 +209,20 @@ class Located:
     scan: str = "the scan"  # its name in texts
     expected: Place = NOWHERE  # what was known before, within `spread`
     spread: PoseSpread = UNKNOWN
+    mirrored: Pose | None = None  # of the scan with its angles reversed, if this fits the room clearly better
+    mirrored_explained: float = 0.0  # share of the echoes within 5 cm there
 
     @property
     def doubts(self) -> tuple[str, ...]:
         """Why the poses or their probabilities may be wrong, a line each."""
         echoes = sum(reading.range is not None for reading in self.readings)
+        if self.mirrored is not None:
+            x, y = self.mirrored.position
+            return (
+                f"{self.scan}: the angles are probably clockwise, so the poses are wrong: mirrored, "
+                f"{self.mirrored_explained:.0%} instead of {self.explained:.0%} of {echoes} echoes are explained, at "
+                f"{x:.2f}, {y:.2f} m; {MIRRORED.correction}",
+            )
         few = few_explained(self.scan, self.explained, echoes, located=True)
         contradicted = (_heading_doubts(pose, self.expected, self.spread) for pose in self.poses[:1])
         reasons = [doubt for doubts in contradicted for doubt in doubts]
@@ -246,12 +258,13 @@ class Located:
             "readings_alike": round(self.redundancy, 3),
             "explained": round(self.explained, 6),
             "fits_room": self.fits_room,
+            "mirrored": None if self.mirrored is None else self.mirrored.figures(self._place_near(self.mirrored, near)),
         }
 
     @property
     def fits_room(self) -> bool:
-        """Whether the first pose explains enough echoes."""
-        return not explains_few(self.explained)
+        """Whether the first pose explains enough echoes, and no mirrored one clearly more."""
+        return not explains_few(self.explained) and self.mirrored is None
 
     def _place_near(self, pose: Pose, near: float) -> Place | None:
         return self.room.places.get(self.place_near(pose, near) or "")
@@ -332,19 +345,46 @@ def locate_scan(
     free = with_prior(free, expected, spread, redundancy)
     problem = make_problem([scan], room, board, free, options.prediction, all_echoes=options.all_echoes)
     scores = _score_lattice(problem, lambda share: tick(0.5 * share))
-    scores = scores_with_prior(scores, expected, spread, redundancy)
+    reversed_scores = replace(scores, scores=scores.scores if scores.mirrored is None else scores.mirrored)
+    scores, reversed_scores = (
+        scores_with_prior(one, expected, spread, redundancy) for one in (scores, reversed_scores)
+    )
     if not np.isfinite(scores.scores).any():
         raise InputError(
             f"room {room.name!r}, board {board.name!r}: from no position in this room can this board have an echo as "
             "near as those of the scan; check the room, the board and its blanking"
         )
     starts = _starts(scores, room, board)
-    tops = _tops(problem, starts, redundancy, lambda share: tick(0.5 + 0.5 * share))
-    poses = _weighed(_clear(_different(tops), room, board), redundancy)
-    tick(1.0)
-    explained = _explained(readings, room, board, poses[0], replace(scan.place, position=poses[0].position), options)
+    tops = _tops(problem, starts, redundancy, lambda share: tick(0.5 + 0.4 * share))
+    chosen = _clear(_different(tops), room, board)
+    poses = _weighed(chosen, redundancy)
+    explained = _explained(readings, room, board, poses[0], scan.place, options)
     located = Located(room, board, tuple(readings), poses, scores, redundancy, explained)
-    return replace(located, expected=expected, spread=spread)
+    located = replace(located, expected=expected, spread=spread)
+    turned = [replace(reading, angle=-reading.angle) for reading in readings]
+    as_turned = make_problem(
+        [replace(scan, readings=turned)], room, board, free, options.prediction, all_echoes=options.all_echoes
+    )
+    top = _better_mirrored(as_turned, reversed_scores, max(chosen, key=lambda peak: peak.score).score, redundancy)
+    tick(1.0)
+    if top is None:
+        return located
+    pose = _weighed([top], redundancy)[0]
+    share = _explained(turned, room, board, pose, scan.place, options)
+    return replace(located, mirrored=pose, mirrored_explained=share) if share > explained else located
+
+
+def _better_mirrored(problem: Problem, scores: Scores, best: float, redundancy: float) -> Peak | None:
+    """Return the best maximum of a mirrored scan, if it is clearly better than that of the scan, `best`.
+
+    A room with an axis of symmetry explains both equally well.
+    """
+    starts = _starts(scores, problem.room, problem.board)[:_MIRRORED_MAXIMA]
+    if not starts:
+        return None
+    tops = _clear(_different(_tops(problem, starts, redundancy, lambda _share: None)), problem.room, problem.board)
+    top = max(tops, key=lambda peak: peak.score)
+    return top if (top.score - best) / redundancy > _CLEARLY else None
 
 
 def _explained(
@@ -352,7 +392,7 @@ def _explained(
 ) -> float:
     echoes = [reading for reading in readings if reading.range is not None]
     headings = np.array([board.heading_at(reading.angle, pose.heading) for reading in echoes])
-    place = board.faced(replace(place, heading=pose.heading))
+    place = board.faced(replace(place, position=pose.position, heading=pose.heading))
     measured = np.array([reading.range for reading in echoes], dtype=np.float64) + pose.offset
     predicted = predict_scan(room, place, board, headings, options.prediction).ranges
     return float((np.abs(measured - predicted) <= TOLERANCE).mean())
@@ -373,6 +413,7 @@ def _score_lattice(problem: Problem, tick: Callable[[float], None]) -> Scores:
         spacing,
         problem.places[0].height,
         lambda: tick(next(done) / len(positions)),
+        mirrored=True,
     )
 
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, TypeAlias, cast
 import numpy as np
 from sonarhw_sim.air import DEFAULT_BOARD, ROOM_TOLERANCE, Air, Model, Receiver
 from sonarhw_sim.board.profile import Board, load_board, without_own_body
-from sonarhw_sim.room.room import Place, Room, warn_of_place
+from sonarhw_sim.room.room import Place, Room, place_at, typed_place, warn_of_place
 
 from sonarhw import arguments
 from sonarhw.arguments import Warn, emit
@@ -137,8 +137,9 @@ def compare(
     from sonarhw_sim.predict.prediction import PredictionOptions, predict_with
     from sonarhw_sim.predict.probability import check_pings
 
+    from sonarhw_compare.corrections import agreement_doubts
     from sonarhw_compare.explain import ScanComparison
-    from sonarhw_compare.match import few_explained, headings_of, match_readings
+    from sonarhw_compare.match import headings_of, match_readings
 
     check_pings(pings)
     given, in_room, placed, profile = _placed(scan, room, place, board, warn)
@@ -149,8 +150,7 @@ def compare(
         placed, offset = fitted.place, fitted.offset
     headings = headings_of(given.readings, placed, profile)
     matched = match_readings(given.readings, predict_with(model, in_room, placed, profile, headings, options), offset)
-    summary = matched.summary()
-    for doubt in few_explained(given.where, summary.within_5cm, summary.n_echo):
+    for doubt in agreement_doubts(given.where, matched, model):
         warn(doubt)
     return ScanComparison(
         **vars(replace(matched, origin=given.origin)),
@@ -263,7 +263,7 @@ def report(
     """
     from sonarhw_sim.predict.prediction import PredictionOptions
 
-    from sonarhw_compare.match import few_explained
+    from sonarhw_compare.corrections import agreement_doubts
     from sonarhw_compare.report import report_of
 
     given, in_room, placed, profile = _placed(scan, room, place, board, warn)
@@ -274,8 +274,7 @@ def report(
     fitted = _fitted(fit, given, in_room, placed, profile, options, progress)
     named = replace(given, where=Path(given.where).name)
     made = report_of(named, in_room, placed, profile, options, fit=fitted, notes=notes.texts)
-    summary = made.comparison.summary()
-    for doubt in few_explained(given.where, summary.within_5cm, summary.n_echo):
+    for doubt in agreement_doubts(given.where, made.comparison):
         warn(doubt)
     return made
 
@@ -536,6 +535,11 @@ def _with_poses(
 def _map_place(scan: GivenScan, wanted: PlaceInput | None, room: Room | None, warn: Warn) -> Place:
     """Return the given place, else the recorded one. Raises InputError if there is neither."""
     wanted = scan.pose if wanted is None else wanted
+    if room is None and not scan.room_text:
+        # a pose needs no room
+        stated = wanted if wanted is not None or scan.log is None else scan.log.metadata.place
+        pose = typed_place(stated) if isinstance(stated, str) else stated
+        wanted = pose if pose is None or isinstance(pose, Place) else place_at("place", pose)
     if room is None and isinstance(wanted, Place):
         return wanted
     if room is None and not scan.room_text:
@@ -809,13 +813,18 @@ def _several(scans: ScanInput | Sequence[ScanInput]) -> list[ScanInput]:
 
 
 def _given_scans(scans: ScanInput | Sequence[ScanInput], board: BoardInput | None, warn: Warn) -> list[GivenScan]:
-    """Return one or several scans. Warns of logs that are damaged, and of those without a board if none is given."""
+    """Return one or several scans. Warns of damaged logs, of logs without a board if none is given, and of readings.
+
+    A `GivenScan` with a log was checked by its maker.
+    """
     several = _several(scans)
     given = [given_scan(scan, warn) for scan in several]
     for scan, read in zip(several, given, strict=True):
-        if board is None and not isinstance(scan, GivenScan):
-            for doubt in read.board_doubts:
-                warn(doubt)
+        if isinstance(scan, GivenScan) and scan.log is not None:
+            continue
+        doubts = read.board_doubts if board is None else ()
+        for doubt in (*doubts, *read.doubts(read.board(board))):
+            warn(doubt)
     return given
 
 

@@ -24,12 +24,13 @@ from sonarhw.errors import harmless
 from sonarhw.log import Log, LogMetadata
 from sonarhw.readings import FloatArray, Origin, Reading, Trace
 from sonarhw_compare import pictures
+from sonarhw_compare.corrections import agreement_doubts
 from sonarhw_compare.drawings import draw_map, draw_room
 from sonarhw_compare.explain import explain_reading, path_suffix, region_counts
 from sonarhw_compare.fit.starting import Fit
 from sonarhw_compare.headings import heading_text, in_degrees
 from sonarhw_compare.map import Layer, RoomMap
-from sonarhw_compare.match import TOLERANCE, Comparison, Kind, Matched, Summary, compare_readings, few_explained
+from sonarhw_compare.match import TOLERANCE, Comparison, Kind, Matched, Summary, compare_readings
 from sonarhw_compare.picture_file import picture_bytes
 from sonarhw_compare.regions import LEAST_WIDTH, Region
 from sonarhw_compare.rooms.outcome import MappedScans, RoomOfScans, found_room_figures, open_ends
@@ -480,7 +481,7 @@ def _body(report: Report) -> Iterator[str]:
     when = f", {made} {datetime.fromtimestamp(started, UTC):%Y-%m-%d %H:%M:%S} UTC" if started else ""
     yield f"<p>{escaped(report.name)}{when}</p>"
     yield f'<p class="lead">{escape(_lead(summary))}</p>'
-    for doubt in few_explained(report.name, summary.within_5cm, summary.n_echo):
+    for doubt in agreement_doubts(report.name, comparison):
         yield f"<p><strong>Warning:</strong> {escaped(doubt)}.</p>"
     yield "<h2>The scan in the room</h2>"
     both = f"{comparison.origin} and predicted"

@@ -12,7 +12,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 from sonarhw_sim.air import DEFAULT_BOARD, Air
-from sonarhw_sim.board.profile import Board, load_board, parse_board
+from sonarhw_sim.board.profile import Board, load_board, parse_board, without_own_body
 from sonarhw_sim.room.room import Place, Room, load_room, parse_room, place_at
 
 from sonarhw import arguments
@@ -21,6 +21,7 @@ from sonarhw.errors import InputError, OutputError, counted, counted_are, harmle
 from sonarhw.files import atomic_file
 from sonarhw.log import Log, LogMetadata, read_log
 from sonarhw.readings import FloatArray, Origin, Reading
+from sonarhw.scan_check import DoubtKind, Reach, check_scan
 
 # The room, place and board that a log was recorded with, even if their files no longer exist.
 
@@ -65,6 +66,7 @@ class GivenScan:
     log: Log | None = None
     file: Path | None = None  # of the log
     pose: Place | None = None  # of a scan without a log
+    told: frozenset[DoubtKind] = frozenset()  # doubts of which its maker has warned
 
     def __repr__(self) -> str:
         echoes = sum(reading.range is not None for reading in self.readings)
@@ -136,6 +138,12 @@ class GivenScan:
             return ()
         return (f"{self.where}: names no board, {DEFAULT_BOARD} is assumed; give the right board",)
 
+    def doubts(self, board: Board) -> tuple[str, ...]:
+        """Return what is probably wrong in the readings, a line each, if `board` made them."""
+        readings = without_own_body(board.own_body, self.readings)
+        doubts = check_scan(readings, reach_of(board))
+        return tuple(f"{self.where}: {doubt}" for doubt in doubts if doubt.kind not in self.told)
+
     def board(self, given: BoardInput | None = None) -> Board:
         """Return the given board, else that of the log, else the default board."""
         if isinstance(given, Board):
@@ -143,6 +151,11 @@ class GivenScan:
         if given is not None:
             return load_board(given)
         return load_board(DEFAULT_BOARD) if self.log is None else board_of_log(self.log.metadata)
+
+
+def reach_of(board: Board) -> Reach:
+    """Return the ranges that a board can report."""
+    return Reach(board.name, board.blanked_range(Air()), board.max_range)
 
 
 ScanInput: TypeAlias = Path | str | Log | Sequence[Reading] | tuple[ArrayLike, ArrayLike] | GivenScan
@@ -221,7 +234,9 @@ def scan_from_arrays(
     """
     turned = arguments.in_radians("headings", arguments.angles("headings", headings), degrees)
     echoes = echoes_of(ranges, len(turned))
-    arguments.warn_of_centimetres("ranges", echoes[..., 0])
+    told: set[DoubtKind] = {"angles"}
+    if arguments.warn_of_centimetres("ranges", echoes[..., 0]):
+        told.add("beyond reach")
     started = 0.1 * np.arange(len(turned)) if times is None else _times(times, len(turned))
     speed = Air().speed_of_sound if speed_of_sound is None else speed_of_sound
     pings = echoes.shape[1]
@@ -241,7 +256,8 @@ def scan_from_arrays(
         )
         for ping, of_ping in enumerate(of_heading)
     ]
-    return GivenScan("the scan", tuple(readings), pose=None if pose is None else _pose(pose, degrees))
+    placed = None if pose is None else _pose(pose, degrees)
+    return GivenScan("the scan", tuple(readings), pose=placed, told=frozenset(told))
 
 
 def echoes_of(ranges: ArrayLike, headings: int) -> FloatArray:

@@ -500,6 +500,11 @@ class Scanner:
             counted = self._session.statistics
         return self._plugin.statistics(counted) if self._plugin else counted
 
+    def report_doubts(self, warn: Callable[[str], None]) -> None:
+        """Pass doubts about a device that turns by itself to `warn` as they arise, in the thread of the link."""
+        if self._plugin:
+            self._plugin.report_doubts(warn)
+
     @property
     def notes(self) -> tuple[str, ...]:
         """What a device that does not speak the protocol assumes about its measurements, such as their unit."""
@@ -822,7 +827,7 @@ class ScanWatcher(Protocol):
         """Receive a new reading."""
 
     def warn(self, message: str) -> None:
-        """Receive a warning that does not end the scan."""
+        """Receive a warning that does not end the scan; of a device that turns by itself also in another thread."""
 
 
 def record_scan(scanner: Scanner, plan: ScanPlan, log: LogWriter | None, watcher: ScanWatcher) -> messages.Outcome:
@@ -867,6 +872,7 @@ def _run_scan(
     scanner.configure(2 * plan.reach / speed, plan.blanking, plan.traces, speed)
     if path is not None:
         _warn_if_disk_is_too_small(scanner, plan, path, watcher)
+    scanner.report_doubts(watcher.warn)
     with scanner.sequence():  # a stop between two steps also ends the later steps
         if watcher.stop_wanted or (
             not plan.order.in_place and scanner.home(plan.zero_here) is messages.Outcome.STOPPED

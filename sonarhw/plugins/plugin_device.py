@@ -12,12 +12,15 @@ from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, replace
 from typing import Self
 
+import numpy as np
+
 from sonarhw.device.protocol import ActionError, Line, ProtocolDevice, RefusalError
 from sonarhw.errors import DeviceError, LinkError, LinkLost, SonarError
 from sonarhw.link import READ_PATIENCE, LinkStatistics
 from sonarhw.plugins.device_plugin import CheckedPlugin, Measurement, start_of
 from sonarhw.plugins.sweep_tracker import Placed, SweepTracker
-from sonarhw.readings import ScanOrder
+from sonarhw.readings import FloatArray, ScanOrder
+from sonarhw.scan_check import ENOUGH_MOTION, Doubt, check_motion, jumps
 from sonarhw.sound_speed import speed_of_sound
 from sonarhw.wire import messages
 from sonarhw.wire.limits import MAX_ECHOES, PROTOCOL_MAJOR, PROTOCOL_MINOR
@@ -27,6 +30,10 @@ MOST_LEAD = 20_000  # readings before the first whole sweep
 SILENCE = 10.0  # s without a measurement; a scan then fails
 MOST_WAITING = 1024  # reads; while so many wait for a scan, nothing is read
 FRESH = 2.0  # s; older arrivals do not belong to a scan that begins now
+STILL = 20.0  # s at one angle; a scan then fails
+_WATCHED_FROM = 3.0  # s of a scan, after which its angles and ranges are judged
+_WATCHED_EACH = 1.0  # s
+_WATCHED = 2000  # newest measurements that are judged
 _TICK_US = 1  # two pings must not have the same time, because it identifies them
 _POLL = 0.05  # s; longest delay until a call from another thread takes effect
 _END_WITHIN = 2.0  # s for which `close` waits for a plug-in that blocks
@@ -55,6 +62,7 @@ class PluginDevice(ProtocolDevice):
         self.speedup = math.inf  # the host shares this process, which the system may stop for any time
         self.failure: SonarError | None = None  # why the newest scan failed
         self.tracker: SweepTracker | None = None  # of the newest scan, unless the device takes orders
+        self.warn: Callable[[str], None] = lambda doubt: None  # receives each new doubt about the measurements
         self._plugin = plugin
         self._order = order
         self._settings = messages.Settings(0, 0, 0, 0, 0)
@@ -149,15 +157,29 @@ class PluginDevice(ProtocolDevice):
             self._order(ScanOrder(0.0, 1.0, 1))
 
     def _sweeping(self, tracker: SweepTracker) -> Iterator[float]:
-        """Report whole sweeps. A silent device has ended its sweep if it was as long as the one before."""
+        """Report whole sweeps. A silent device has ended its sweep if it was as long as the one before.
+
+        A scan whose angles do not turn, or turn at random, fails. Its readings are reported all the same.
+        """
+        watch = _MotionWatch(self.warn)
         while not tracker.done:
             measurement = yield from self._next()
+            if measurement and (doubt := watch.add(measurement)):
+                raise self._failed(DeviceError(f"{self._plugin.url}: {doubt}"))
             self._report_all(tracker.add(measurement) if measurement else tracker.flush())
             if not (measurement or tracker.done):
                 raise self._failed(self._plugin.no_reading(f"for {SILENCE:g} s"))
             if measurement and tracker.waiting > MOST_LEAD:
                 raise self._failed(self._never_turned_back(measurement))
+        while watch.suspects:  # a few angles in no order look like short sweeps
+            measurement = yield from self._next()
+            if measurement is None:
+                break
+            watch.add(measurement)
         self._order(None)
+        doubt = watch.verdict()
+        if doubt and doubt.kind in ("still", "jumping"):  # a first plug-in may well report one range at all angles
+            raise self._failed(DeviceError(f"{self._plugin.url}: {doubt}"))
 
     def _obeying(self, order: ScanOrder, end: int) -> Iterator[float]:
         """Report one reading for each ping of the order, up to number `end`."""
@@ -216,6 +238,49 @@ class PluginDevice(ProtocolDevice):
         )
 
 
+class _MotionWatch:
+    """Judges the angles and ranges of a device that turns by itself, once a second during a scan."""
+
+    def __init__(self, warn: Callable[[str], None]) -> None:
+        """`warn` receives each kind of doubt once."""
+        self._warn = warn
+        self._measured: deque[tuple[float, float, float]] = deque(maxlen=_WATCHED)  # time s, angle rad, range m
+        self._began = self._next = math.nan  # s
+        self._told: set[str] = set()
+
+    def add(self, measurement: Measurement) -> Doubt | None:
+        """Add a measurement. Return a doubt if the scan cannot succeed any more."""
+        time = measurement.time or 0.0
+        if math.isnan(self._began):
+            self._began, self._next = time, time + _WATCHED_FROM
+        self._measured.append((time, measurement.angle, min(measurement.ranges, default=math.nan)))
+        if time < self._next:
+            return None
+        self._next = time + _WATCHED_EACH
+        doubt = self.verdict()
+        if doubt is None:
+            return None
+        if doubt.kind not in self._told:
+            self._told.add(doubt.kind)
+            self._warn(str(doubt))
+        return doubt if doubt.kind == "still" and time > self._began + STILL else None
+
+    @property
+    def suspects(self) -> bool:
+        """Whether the angles may be in no order, and more of them are needed to judge this."""
+        return len(self._measured) < ENOUGH_MOTION and jumps(self._arrays[0])
+
+    def verdict(self) -> Doubt | None:
+        """Return what is wrong with the newest measurements; None if nothing is."""
+        return check_motion(*self._arrays)
+
+    @property
+    def _arrays(self) -> tuple[FloatArray, FloatArray]:
+        """Angles, rad, and ranges, m, NaN for no echo."""
+        _, angles, ranges = np.array(self._measured, np.float64).reshape(-1, 3).T
+        return angles, ranges
+
+
 class PluginLink:
     """The link to a `PluginDevice`. `open` and `close` may alternate; in between, one thread calls the plug-in.
 
@@ -252,6 +317,10 @@ class PluginLink:
     def failure(self) -> SonarError | None:
         """Why the newest scan failed."""
         return self._device.failure
+
+    def report_doubts(self, warn: Callable[[str], None]) -> None:
+        """Pass doubts about the measurements of a scan to `warn` as they arise, in the thread of the host."""
+        self._device.warn = warn
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -17,6 +17,7 @@ from sonarhw_sim.room.room_writing import with_air, with_place
 
 from sonarhw.errors import InputError, counted, harmless
 from sonarhw.readings import FloatArray, Reading
+from sonarhw_compare.corrections import correction_doubt
 from sonarhw_compare.edits import below_header, set_marked
 from sonarhw_compare.fit.objective import COARSE, MODERATE, Problem, make_problem
 from sonarhw_compare.fit.parameters import (
@@ -43,7 +44,7 @@ from sonarhw_compare.fit.result import (
 from sonarhw_compare.fit.search import Marginals, Peak, highest, marginals_of, peak_at, refined, underestimated
 from sonarhw_compare.fit.starting import ScoredValues, is_same, starting_poses
 from sonarhw_compare.headings import turned_near
-from sonarhw_compare.match import Summary, compare_readings, explains_few, few_explained_line
+from sonarhw_compare.match import Comparison, Summary, compare_readings, explains_few, few_explained_line
 from sonarhw_compare.regions import mean_run
 from sonarhw_compare.scans import BoardInput, GivenScan, PlaceInput, RoomInput, common_board
 
@@ -189,6 +190,15 @@ def unexplained(scans: Sequence[PlacedScan], agreement: Sequence[Summary]) -> tu
     )
 
 
+def _corrections(scans: Sequence[PlacedScan], compared: Sequence[Comparison]) -> tuple[FitWarning, ...]:
+    """Return a warning for each scan that a turn or unit other than those of its readings would explain better."""
+    doubts = (
+        correction_doubt(scan.title or "this scan", comparison)
+        for scan, comparison in zip(scans, compared, strict=True)
+    )
+    return tuple(FitWarning("correction", doubt) for doubt in doubts if doubt)
+
+
 def _several_solutions(result: FitResult) -> list[FitWarning]:
     shown = tuple(parameter for parameter in result.parameters if isinstance(parameter.quantity, PlaceQuantity))
     poses = [tuple(mode.values[one.name] for one in shown) for mode in result.modes]
@@ -316,8 +326,10 @@ def fit_scans(
     result = _result(problem, marginals, solutions)
     ridge = underestimated(weighted, solutions[0].values, marginals.narrow)
     result = replace(result, warnings=warnings_of(result, ridge))
-    agreed = _agreement(scans, result, options.prediction)
-    return replace(result, agreement=agreed, warnings=(*unexplained(scans, agreed), *result.warnings))
+    compared = _compared(scans, result, options.prediction)
+    agreed = tuple(comparison.summary() for comparison in compared)
+    warnings = (*unexplained(scans, agreed), *_corrections(scans, compared), *result.warnings)
+    return replace(result, agreement=agreed, warnings=warnings)
 
 
 def check_fit(scans: Sequence[PlacedScan], board: Board, free: Sequence[Parameter], options: FitOptions) -> None:
@@ -451,10 +463,10 @@ def _mode(problem: Problem, solution: ScoredValues, best: float) -> Mode:
     return Mode(values, solution.score - best)
 
 
-def _agreement(scans: Sequence[PlacedScan], result: FitResult, prediction: PredictionOptions) -> tuple[Summary, ...]:
-    """Return one summary for each scan, compared with the prediction from its fitted place, room and board."""
+def _compared(scans: Sequence[PlacedScan], result: FitResult, prediction: PredictionOptions) -> tuple[Comparison, ...]:
+    """Return each scan compared with the prediction from its fitted place, room and board."""
     return tuple(
-        compare_readings(_ranged(scan.readings, result), result.room, place, result.board, prediction).summary()
+        compare_readings(_ranged(scan.readings, result), result.room, place, result.board, prediction)
         for scan, place in zip(scans, result.places, strict=True)
     )
 

@@ -20,6 +20,7 @@ _CORRELATED = 0.5  # weaker correlations are not printed
 
 WarningKind = Literal[
     "few explained",  # the fitted prediction explains few echoes of a scan
+    "correction",  # another turn or unit of the readings would explain clearly more
     "several solutions",  # several solutions explain the data about equally well
     "underestimated",  # the standard deviations are too small: parameters can change together by far more
     "unconstrained",  # a parameter is about as uncertain as its prior

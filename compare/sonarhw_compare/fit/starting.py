@@ -54,6 +54,7 @@ class Scores:
     headings: FloatArray  # (h,), rad
     scores: FloatArray  # (p, h), natural logarithms; -inf without any path
     spacing: float  # m, between positions
+    mirrored: FloatArray | None = None  # (p, h), those of the scan with its turntable angles reversed
 
 
 def lattice(lower: tuple[float, float], upper: tuple[float, float]) -> tuple[FloatArray, float]:
@@ -77,19 +78,26 @@ def score_positions(
     spacing: float,
     height: float | None = None,
     tick: Callable[[], None] = lambda: None,
+    *,
+    mirrored: bool = False,
 ) -> Scores:
     """Return the scores of a scan at each of `positions` (p, 2) of the turning axis; `tick` is called once for each.
 
-    An error of half the spacing lowers the score little. Positions without any path score -inf.
+    An error of half the spacing lowers the score little. Positions without any path score -inf. With `mirrored`, the
+    scan is also scored with its turntable angles reversed.
     """
     headings = np.arange(HEADINGS, dtype=np.float64) * (math.tau / HEADINGS)
     scores = np.full((len(positions), HEADINGS), -math.inf)
+    reversed_scores = scores.copy() if mirrored else None
     first = np.ascontiguousarray(scan.ranges[:, 0])  # one type of array, so one kernel
     farthest = min(board.max_range, float(np.nanmax(first, initial=0.0)) + 3 * spacing)
     # scores weigh each path alone, so they need no faint paths that are loud together
     search = replace(search_for(room, replace(board, sum_arrivals=False), QUICK), max_length=2 * farthest)
     ka = board.wavenumber(room.air) * board.aperture_radius
-    bins = np.round(board.heading_at(scan.angles, 0.0) * (HEADINGS / math.tau)).astype(np.int64) % HEADINGS
+    bins, reversed_bins = (
+        np.round(board.heading_at(sign * scan.angles, 0.0) * (HEADINGS / math.tau)).astype(np.int64) % HEADINGS
+        for sign in (1.0, -1.0)
+    )
     width = max(0.7 * spacing, 0.03)
     for row, (x, y) in enumerate(positions.tolist()):
         tick()
@@ -101,7 +109,9 @@ def score_positions(
             reported = board.unrounded(paths.lengths / 2)
             table = _candidates(headings, paths.leaving, paths.arriving, level, ka, beam_table(ka))
             scores[row] = _score(first, bins, reported, *table, width)
-    return Scores(positions, headings, scores, spacing)
+            if reversed_scores is not None:
+                reversed_scores[row] = _score(first, reversed_bins, reported, *table, width)
+    return Scores(positions, headings, scores, spacing, reversed_scores)
 
 
 @compiled
@@ -481,6 +491,16 @@ def best_agreement(
     chosen, turn, offset = _chosen(np.array(counts), np.array(means), offsets, int(np.isfinite(measured).sum()))
     heading = starts[chosen] + turn * math.tau / PLAIN_HEADINGS
     return Fit(float(offsets[offset]), replace(places[chosen], heading=heading))
+
+
+def agreement_by_turn(table: FloatArray, headings: FloatArray, measured: FloatArray, tolerance: float) -> FloatArray:
+    """Return how many of the ranges `measured` (n,) m at `headings` (n,) rad match a table, at each turn of the scan.
+
+    The table is one of `best_agreement`; the result (720,) has one number for each step of its headings.
+    """
+    rows = np.round(headings * (PLAIN_HEADINGS / math.tau)).astype(np.intp)
+    counts, _ = _agreement(table, rows, measured, np.zeros(1), PLAIN_HEADINGS, tolerance)
+    return np.asarray(counts[:, 0])
 
 
 def _chosen(counts: FloatArray, means: FloatArray, offsets: FloatArray, echoes: int) -> tuple[int, int, int]:

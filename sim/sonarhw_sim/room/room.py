@@ -479,14 +479,11 @@ class Room:
         return self._free_place(place_at("place", name))
 
     def _typed_place(self, name: str) -> Place:
-        try:
-            x, y, *heading = read_pose(name)
-        except ValueError as error:
+        place = typed_place(name)
+        if place is None:
             hint = " without a space" if name.endswith(",") else ""
-            raise InputError(
-                f"room {self.name!r}: no place {name!r}; {self._known_places()}, or X,Y in metres{hint}"
-            ) from error
-        return Place(name, (x, y), sum(heading, 0.0))
+            raise InputError(f"room {self.name!r}: no place {name!r}; {self._known_places()}, or X,Y in metres{hint}")
+        return place
 
     def _free_place(self, place: Place) -> Place:
         for post in self.posts_at(place.position):
@@ -497,12 +494,13 @@ class Room:
         return f"its places: {', '.join(self.places)}" if self.places else "it has no places"
 
 
-def read_pose(text: str) -> tuple[float, ...]:
-    """Return x and y (m) and, if it is stated, the heading (rad) of `X,Y` or `X,Y,DEG`. Raises ValueError."""
-    x, y, *degrees = map(float, text.split(","))
-    if len(degrees) > 1:
-        raise ValueError(text)
-    return x, y, *map(math.radians, degrees)
+def typed_place(text: str) -> Place | None:
+    """Return the place of `X,Y` or `X,Y,DEG`, metres and the heading of step 0, by default 0; None for other text."""
+    try:
+        x, y, *degrees = map(float, text.split(","))
+    except ValueError:
+        return None
+    return Place(text, (x, y), sum(map(math.radians, degrees), 0.0)) if len(degrees) < 2 else None
 
 
 def place_at(name: str, pose: object, degrees: bool = False) -> Place:

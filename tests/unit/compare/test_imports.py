@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from sonarhw_compare.foreign_csv import CsvColumns, guess_columns, likely_no_echo, read_foreign_scan
-from sonarhw_compare.imports import are_means, likely_pings, unit_of
 
 from sonarhw.errors import InputError
+from sonarhw.mean_ranges import are_means, likely_pings, unit_of
 from sonarhw.readings import FloatArray
 
 
