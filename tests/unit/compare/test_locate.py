@@ -82,6 +82,21 @@ def test_a_room_without_any_echo_is_refused() -> None:
         locate_scan(readings_of(np.arange(12) * math.pi / 6, np.full(12, 0.5)), room, load_board("polaroid-6500"))
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_scan_with_clockwise_angles_is_found_and_a_right_one_is_not_doubted(sign: float) -> None:
+    place, angles = ROOM.place("p3"), np.radians(np.arange(0.0, 360.0, 12.0))
+    ranges = sonarhw.predict(ROOM, place, BOARD, place.heading + angles).ranges
+    poses = locate_scan(readings_of(sign * angles, ranges), ROOM, BOARD)
+    if sign > 0:
+        assert poses.mirrored is None
+        assert math.dist(poses.poses[0].position, place.position) < 0.02
+        return
+    assert poses.mirrored is not None
+    assert math.dist(poses.mirrored.position, place.position) < 0.02
+    assert not poses.fits_room
+    assert "the angles are probably clockwise" in poses.doubts[0]
+
+
 def test_the_picture_shows_each_echo_at_its_range_from_the_best_pose() -> None:
     readings = tuple(readings_of(np.arange(4) * math.pi / 2, [0.5, math.nan, 0.75, 1.0]))
     pose = Pose((0.4, 0.3), 0.2, 0.01, 1.0, (0.01, 0.01, 0.01))
