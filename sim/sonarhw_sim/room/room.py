@@ -494,13 +494,21 @@ class Room:
         return f"its places: {', '.join(self.places)}" if self.places else "it has no places"
 
 
+def read_pose(text: str) -> tuple[float, ...]:
+    """Return x and y (m) and, if it is stated, the heading (rad) of `X,Y` or `X,Y,DEG`. Raises ValueError."""
+    x, y, *degrees = map(float, text.split(","))
+    if len(degrees) > 1:
+        raise ValueError(text)
+    return x, y, *map(math.radians, degrees)
+
+
 def typed_place(text: str) -> Place | None:
     """Return the place of `X,Y` or `X,Y,DEG`, metres and the heading of step 0, by default 0; None for other text."""
     try:
-        x, y, *degrees = map(float, text.split(","))
+        x, y, *heading = read_pose(text)
     except ValueError:
         return None
-    return Place(text, (x, y), sum(map(math.radians, degrees), 0.0)) if len(degrees) < 2 else None
+    return Place(text, (x, y), sum(heading, 0.0))
 
 
 def place_at(name: str, pose: object, degrees: bool = False) -> Place:
