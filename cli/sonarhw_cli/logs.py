@@ -225,12 +225,13 @@ def import_scan(
     )
     if columns is None:
         stated = _stated_layout(preset, pattern, unit, angle, no_echo, step)
-        readings = _read(file, meaning, *stated, name)
+        readings, read_as = _read(file, meaning, *stated, name)
     else:
+        read_as = f"CSV: {columns.heading} in degrees, {columns.distance} times {scale:g} m"
         readings = _without_means(file, read_foreign_scan(file, columns, meaning), meaning, mean_of)
     if file_format is LOG:
         metadata = _with_those_of(load_log(file).metadata, metadata)
-    write_scan(out, metadata, readings, overwrite=force)
+    write_scan(out, replace(metadata, source=str(file), read_as=read_as), readings, overwrite=force)
     echoes = sum(reading.range is not None for reading in readings)
     options.print_note(f"{counted(len(readings), 'reading')}, {echoes} with an echo, in {out}")
     silent = math.nan if no_echo is None else no_echo * scale
@@ -325,8 +326,10 @@ def _check_values(
         raise InputError(f"--full-scale {full_scale:g}: expected a number above 0")
 
 
-def _read(file: Path, meaning: "Meaning", layout: "Layout | None", stated: "Layout", name: str) -> "list[Reading]":
-    """Return the readings of a file that is not CSV with named columns, and print how it was read."""
+def _read(
+    file: Path, meaning: "Meaning", layout: "Layout | None", stated: "Layout", name: str
+) -> "tuple[list[Reading], str]":
+    """Return the readings of a file that is not CSV with named columns, and how it was read, which is printed."""
     from sonarhw_compare.imports import read_scan
 
     with warnings.catch_warnings(record=True) as doubts:
@@ -339,7 +342,7 @@ def _read(file: Path, meaning: "Meaning", layout: "Layout | None", stated: "Layo
         options.warn(_with_options(str(doubt.message)))
     for note in scan.notes:
         options.print_note(f"{file}: {_with_options(note)}")
-    return scan.readings
+    return scan.readings, "; ".join(scan.notes)
 
 
 def _with_options(question: str) -> str:
@@ -499,6 +502,8 @@ def _figures(file: Path, log: "Log") -> dict[str, Any]:
         "room_file": made.room_file or None,
         "place": made.place or None,
         "board": made.board or (device.board if device else "") or None,
+        "source": made.source or None,
+        "read_as": made.read_as or None,
         "device": None
         if device is None
         else {
@@ -542,6 +547,7 @@ def _described(log: "Log") -> list[tuple[str, str]]:
         ("place", made.place or "not recorded"),
         ("board", made.board or (device.board if device else "") or "not recorded"),
     ]
+    lines += [(name, text) for name, text in (("source", made.source), ("read as", made.read_as)) if text]
     if device:
         serial = f", serial number {device.serial}" if device.serial else ""
         lines.append(("device", f"{device.firmware}{serial}, protocol {device.major}.{device.minor}"))

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sonarhw.errors import DeviceError, InputError, counted, counted_are, harmless
+from sonarhw.errors import InputError, counted, counted_are, harmless
 from sonarhw.export import HEADER, row
 from sonarhw_cli import inputs, options
 from sonarhw_cli.interruption import LAST_WORDS, Interruption, interruption
@@ -199,7 +199,9 @@ def _record(
     from sonarhw.host.scanner import record_scan
 
     board = inputs.board_of(scanner, request.board)
-    metadata = replace(metadata, board=board.name, board_text=board.text)
+    metadata = replace(
+        metadata, board=board.name, board_text=board.text, source=scanner.url, read_as="; ".join(scanner.notes)
+    )
     plan = scan_plan(scanner, request, board, room_air)
     with ExitStack() as exit_stack:
         terminal = _Terminal(scanner, request, exit_stack)
@@ -211,23 +213,9 @@ def _record(
         record_scan(scanner, plan, log, terminal)
     options.print_note(f"{counted(terminal.count, 'reading')}, {terminal.echoes} with an echo, in {log.path}")
     _report_ignored(scanner)
-    _report_doubts(scanner.url, terminal.readings, board)
     if not request.turns_by_itself:
         _warn_of_another_count(terminal.count, request)
     _warn_of_the_link(scanner)
-
-
-def _report_doubts(url: str, readings: "list[Reading]", board: "Board") -> None:
-    """Print what is probably wrong in the readings. Raises DeviceError if they are of no use."""
-    from sonarhw_compare.scans import reach_of
-    from sonarhw_sim.board.profile import without_own_body
-
-    from sonarhw.scan_check import check_scan
-
-    for doubt in check_scan(without_own_body(board.own_body, readings), reach_of(board)):
-        if doubt.spoils:
-            raise DeviceError(f"{url}: {doubt}")
-        options.warn(str(doubt))
 
 
 def _log(out: Path, metadata: "LogMetadata", force: bool) -> "LogWriter":
@@ -248,7 +236,6 @@ class _Terminal:
         """Show the progress of a scan with `scanner`. `exit_stack` closes the bar."""
         self.count = 0
         self.echoes = 0  # readings with an echo
-        self.readings: list[Reading] = []  # without traces
         self.interrupted: Interruption
         self.log: LogWriter | None = None  # none yet
         self._scanner = scanner
@@ -282,7 +269,6 @@ class _Terminal:
     def reading(self, reading: "Reading") -> None:
         self.count += 1
         self.echoes += bool(reading.echo_times)
-        self.readings.append(replace(reading, trace=None))
         if self._began is None:
             self._began = min(self._scanner.scan_began, reading.time)
         if self._request.show:

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.special import logsumexp, softmax
 from sonarhw_sim.board.profile import Board, without_own_body
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
-from sonarhw_sim.room.room import Place, Room
+from sonarhw_sim.room.room import Place, Room, place_at
 
 from sonarhw.errors import InputError, counted
 from sonarhw.readings import FloatArray, Reading, angle_difference
@@ -160,6 +160,11 @@ class Pose:
     offset: float  # m, added to every measured range
     probability: float
     deviations: tuple[float, float, float]  # standard deviations of x and y, m, and of the heading, rad
+
+    @property
+    def place(self) -> Place:
+        """The place with its heading, for `compare`, `fit` and other tasks."""
+        return place_at("pose", (*self.position, self.heading))
 
     def figures(self, place: Place | None) -> dict[str, float | str | None]:
         """Return the pose under the keys of `locate --json`; `place`: the place of the room that it is near."""

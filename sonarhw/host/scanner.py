@@ -14,7 +14,8 @@ slows the scan but loses no reading.
 
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -28,6 +29,7 @@ from sonarhw.link import MOST, Link, LinkStatistics, PortFinder
 from sonarhw.log import LogWriter
 from sonarhw.plugins.plugin_device import PluginLink
 from sonarhw.readings import Reading, ScanOrder, sector
+from sonarhw.scan_check import Reach, check_scan
 from sonarhw.sound_speed import ScanAir
 from sonarhw.wire import messages
 from sonarhw.wire.limits import MAX_ECHOES
@@ -801,6 +803,9 @@ def probe_port(url: str, patience: float = _PROBE_WITHIN) -> tuple[bool, str]:
         return False, f"no scanner: {str(error).removeprefix(f'{url}: ')}"
 
 
+_MOST_CHECKED = 100_000  # newest readings of a scan that are checked at its end
+
+
 @dataclass(frozen=True)
 class ScanPlan:
     """The pings of a scan and how the board listens."""
@@ -833,7 +838,8 @@ class ScanWatcher(Protocol):
 def record_scan(scanner: Scanner, plan: ScanPlan, log: LogWriter | None, watcher: ScanWatcher) -> messages.Outcome:
     """Configure the scanner, home unless the pings are in place, and scan. Record everything in `log`, and close it.
 
-    Returns DONE or STOPPED. If the scan ends before its first reading, no log is written, and an existing log is
+    Returns DONE or STOPPED. What is probably wrong in the readings of a whole scan is a warning, or a DeviceError if
+    they are of no use. If the scan ends before its first reading, no log is written, and an existing log is
     not overwritten. Raises what `Scanner.scan` and `LogWriter` raise. If the scanner is lost, the error
     states how many readings are kept. None as `log` records nothing.
     """
@@ -873,6 +879,7 @@ def _run_scan(
     if path is not None:
         _warn_if_disk_is_too_small(scanner, plan, path, watcher)
     scanner.report_doubts(watcher.warn)
+    checked = deque[Reading](maxlen=_MOST_CHECKED)
     with scanner.sequence():  # a stop between two steps also ends the later steps
         if watcher.stop_wanted or (
             not plan.order.in_place and scanner.home(plan.zero_here) is messages.Outcome.STOPPED
@@ -885,10 +892,24 @@ def _run_scan(
             if waiting:
                 waiting = False
                 watcher.homed()
+            checked.append(replace(reading, trace=None))
             deliver(reading)
     if scanner.unverified_angles:
         watcher.warn(scanner.unverified_angles)
+    if not (watcher.stop_wanted or plan.order.in_place):
+        _check_readings(scanner, plan, speed, [*checked], watcher)
     return messages.Outcome.STOPPED if watcher.stop_wanted else messages.Outcome.DONE
+
+
+def _check_readings(
+    scanner: Scanner, plan: ScanPlan, speed: float, readings: Sequence[Reading], watcher: ScanWatcher
+) -> None:
+    """Report what is probably wrong in the readings. Raises DeviceError if they are of no use."""
+    reach = Reach(scanner.info.board, plan.blanking * speed / 2, plan.reach)
+    for doubt in check_scan(readings, reach):
+        if doubt.spoils:
+            raise errors.DeviceError(f"{scanner.url}: {doubt}")
+        watcher.warn(str(doubt))
 
 
 def _warn_if_disk_is_too_small(scanner: Scanner, plan: ScanPlan, path: Path, watcher: ScanWatcher) -> None:

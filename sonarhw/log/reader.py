@@ -70,6 +70,8 @@ class LogMetadata:
     place: str = ""
     board: str = ""  # name of the board profile
     board_text: str = ""  # text of the board profile when the log was made
+    source: str = ""  # URL or file that the readings are from
+    read_as: str = ""  # of a source that does not speak the protocol: its format and units, with the evidence
     product_version: str = version("sonarhw")
     format_version: int = FORMAT_VERSION
 
@@ -943,7 +945,9 @@ def _metadata(path: Path, fields: dict[str, str]) -> tuple[LogMetadata, list[mca
         room_text=fields.get("room_text", ""),
         place=fields.get("place", ""),
         board=fields.get("board", ""),
-        board_text=fields.get("board_text", ""),  # missing in early logs
+        board_text=fields.get("board_text", ""),  # missing in early logs, as the next two
+        source=fields.get("source", ""),
+        read_as=fields.get("read_as", ""),
         product_version=fields.get("product_version", "unknown"),
     )
     try:

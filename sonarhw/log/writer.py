@@ -677,6 +677,8 @@ def metadata_record(metadata: reader.LogMetadata) -> dict[str, str]:
         "place": metadata.place,
         "board": metadata.board,
         "board_text": metadata.board_text,
+        "source": metadata.source,
+        "read_as": metadata.read_as,
     }
     # the name of a file may contain bytes that are not UTF-8
     return {name: text.encode("utf-8", "backslashreplace").decode() for name, text in fields.items()}
