@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sonarhw.errors import InputError, counted, counted_are, harmless
+from sonarhw.errors import DeviceError, InputError, counted, counted_are, harmless
 from sonarhw.export import HEADER, row
 from sonarhw_cli import inputs, options
 from sonarhw_cli.interruption import LAST_WORDS, Interruption, interruption
@@ -210,7 +210,13 @@ def _record(
         terminal.log = log = _log(out, metadata, force)
         if request.turns_by_itself:  # the start of a sweep may be far away
             terminal.show_bar()
-        record_scan(scanner, plan, log, terminal)
+        try:
+            record_scan(scanner, plan, log, terminal)
+        except DeviceError:
+            if request.turns_by_itself and terminal.count:  # the cause may be a restart
+                _report_ignored(scanner)
+                _warn_of_the_link(scanner)
+            raise
     options.print_note(f"{counted(terminal.count, 'reading')}, {terminal.echoes} with an echo, in {log.path}")
     _report_ignored(scanner)
     if not request.turns_by_itself:
