@@ -141,7 +141,7 @@ _LEAST_SHARE, _LEAST_RUNS = 0.12, 5
 _SCATTERED = 0.3  # runs of one range per reading with it; in real scans up to 0.25
 _EVERYWHERE, _WIDE, _SPAN = 0.9, 0.015, math.radians(90)
 _LEAST_SILENT, _SILENT_RUNS = 0.1, 3
-_EXACT, _ROUND = 1e-5, 0.5  # m
+_EXACT = 1e-5  # m
 
 
 def most_common_range(ranges: FloatArray, width: float = _ONE_RANGE) -> tuple[float, int]:
@@ -186,7 +186,7 @@ def _false_echo(angles: FloatArray, ranges: FloatArray) -> Doubt | None:
 def _clamped(angles: FloatArray, ranges: FloatArray, reach: Reach) -> Doubt | None:
     """Return a doubt if a range of 0, or the longest, occurs so often that it stands for no echo.
 
-    The longest does if it occurs here and there, or is a round number or the reach of the board.
+    The longest does if it occurs here and there, or is the reach of the board.
     """
     known = np.isfinite(ranges)
     heard = ranges[known]
@@ -194,7 +194,7 @@ def _clamped(angles: FloatArray, ranges: FloatArray, reach: Reach) -> Doubt | No
     zero, same = heard < _EXACT, heard >= longest - _EXACT
     if zero.sum() >= least and not zero.all():
         return _stands_for_silence(zero, "of 0", 0.0)
-    limit = abs(longest - reach.farthest) < 0.01 * longest or abs(longest / _ROUND - round(longest / _ROUND)) < _EXACT
+    limit = abs(longest - reach.farthest) < 0.01 * longest
     if same.all() or same.sum() < least or len(np.unique(angles[known][same])) < _SILENT_RUNS:
         return None
     # where silence has a sign of its own, the longest range is one only if it is scattered
