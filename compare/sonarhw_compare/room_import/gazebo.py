@@ -14,9 +14,9 @@ from xml.etree import ElementTree
 import numpy as np
 from sonarhw_sim.room.room import Place
 
-from sonarhw.errors import InputError
+from sonarhw.errors import InputError, counted
 from sonarhw.readings import FloatArray
-from sonarhw_compare.room_import.inputs import read_bytes
+from sonarhw_compare.room_import.inputs import numbers_of, read_bytes
 from sonarhw_compare.room_import.plan import ForeignPlan, RoundObject, Span, WallChain
 
 _SENSORS = ("ray", "gpu_ray", "lidar", "gpu_lidar", "sonar")
@@ -272,13 +272,10 @@ def _numbers(world: _World, element: ElementTree.Element | None, count: int) -> 
     if element is None:
         raise InputError(f"{world.file}: the size of a shape is missing")
     words = (element.text or "").split()
-    try:
-        numbers = [float(word) for word in words]
-    except ValueError as error:
-        raise InputError(f"{world.file}: <{element.tag}>: {error}") from error
-    if len(numbers) != count or not np.isfinite(numbers).all():
+    numbers = numbers_of(words, count)
+    if numbers is None:
         shown = " ".join(words)[:60]
-        raise InputError(f"{world.file}: <{element.tag}>: expected {count} finite numbers, got {shown!r}")
+        raise InputError(f"{world.file}: <{element.tag}>: expected {counted(count, 'number')} up to 1e9, got {shown!r}")
     return numbers
 
 

@@ -1,5 +1,6 @@
 """Bytes of the files that a room is made from, the cells of pictures in them, and the unit of their lengths."""
 
+from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
 
@@ -15,6 +16,7 @@ _MOST_PIXELS = 64 * 2**20  # of a picture
 _PICTURES = ("PPM", "PNG", "BMP", "GIF", "JPEG", "TIFF")
 METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "dm": 0.1, "km": 1000.0, "in": 0.0254, "ft": 0.3048, "yd": 0.9144}
 _LIKELY = ("m", "cm", "mm", "in", "ft")
+_LARGEST = 1e9  # of a number
 _SMALL = 0.2  # m; a smaller room is improbable
 
 
@@ -63,6 +65,19 @@ def metres_of(unit: str) -> float:
     if not 1e-9 < metres < 1e6:
         raise InputError(f"unit {unit!r}: expected one of {', '.join(METRES)}, or a number of metres")
     return metres
+
+
+def numbers_of(words: Sequence[str], count: int | None = None) -> list[float] | None:
+    """Return the numbers that a file states, `count` of them or any number.
+
+    None for anything else, and for numbers so large that the arithmetic of a room could overflow.
+    """
+    try:
+        numbers = [float(word) for word in words]
+    except ValueError:
+        return None
+    fitting = count is None or len(numbers) == count
+    return numbers if fitting and all(abs(number) <= _LARGEST for number in numbers) else None
 
 
 def unit_question(file: Path, extent: FloatArray, why: str) -> InputError:

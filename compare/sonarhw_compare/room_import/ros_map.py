@@ -14,7 +14,7 @@ from sonarhw_sim.room.room import wall_distances
 
 from sonarhw.errors import InputError, counted
 from sonarhw.readings import BoolArray, FloatArray
-from sonarhw_compare.room_import.inputs import read_bytes, read_picture
+from sonarhw_compare.room_import.inputs import numbers_of, read_bytes, read_picture
 from sonarhw_compare.room_import.plan import ForeignPlan, RoundObject, WallChain
 
 _TOLERANCE = 1.5  # cells, of the outline from a wall before the wall is fitted
@@ -265,10 +265,7 @@ def _origin(file: Path, keys: dict[str, str]) -> list[float]:
 
 
 def _numbers(file: Path, keys: dict[str, str], key: str, count: int) -> list[float]:
-    try:
-        numbers = [float(word) for word in keys[key].strip("[]").split(",")]
-    except ValueError:
-        numbers = []
-    if len(numbers) != count or not np.isfinite(numbers).all():
-        raise InputError(f"{file}: {key}: expected {counted(count, 'finite number')}, got {keys[key][:60]!r}")
+    numbers = numbers_of(keys[key].strip("[]").split(","), count)
+    if numbers is None:
+        raise InputError(f"{file}: {key}: expected {counted(count, 'number')} up to 1e9, got {keys[key][:60]!r}")
     return numbers

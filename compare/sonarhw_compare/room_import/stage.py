@@ -17,12 +17,11 @@ from sonarhw_sim.room.room import Place
 
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
-from sonarhw_compare.room_import.inputs import read_bytes, read_picture
+from sonarhw_compare.room_import.inputs import numbers_of, read_bytes, read_picture
 from sonarhw_compare.room_import.plan import ForeignPlan, Span, WallChain
 from sonarhw_compare.room_import.ros_map import plan_of_cells
 
 _TOKEN = re.compile(r'#[^\n]*|"[^"\n]*"|[\[\]()]|[^\s\[\]()"#]+(?:\[\d+\])?')
-_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")
 _DEVICES = (
     *("ranger", "sensor", "laser", "sonar", "camera", "fiducial", "gripper", "blinkenlight", "blobfinder"),
     *("bumper", "speech", "light", "actuator", "window", "lightindicator"),
@@ -144,9 +143,12 @@ def _numbers(world: _World, entity: _Entity, key: str, default: list[float]) -> 
     if value is None:
         return default
     words = [value] if isinstance(value, str) else value
-    if not words or not all(_NUMBER.match(word) for word in words):
-        raise InputError(f"{world.file}: {key} of {entity.kind}: expected numbers, got {' '.join(words)[:60]!r}")
-    return [float(word) for word in words]
+    numbers = numbers_of(words)
+    if not numbers:
+        raise InputError(
+            f"{world.file}: {key} of {entity.kind}: expected numbers up to 1e9, got {' '.join(words)[:60]!r}"
+        )
+    return numbers
 
 
 def _text(entity: _Entity, key: str) -> str:

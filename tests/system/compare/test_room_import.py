@@ -190,6 +190,12 @@ def test_at_a_height_only_what_reaches_it_is_there(tmp_path: Path) -> None:
     assert any("at a height of 0.6 m; 1 object" in note for note in high.notes)
 
 
+_HUGE_BOX = (
+    "<sdf version='1.6'><world name='w'><model name='m'><static>1</static><link name='l'><collision name='c'><geometry>"
+    "<box><size>1e308 1 1</size></box></geometry></collision></link></model></world></sdf>"
+)
+
+
 @pytest.mark.parametrize(
     ("write", "options", "expected"),
     [
@@ -205,6 +211,11 @@ def test_at_a_height_only_what_reaches_it_is_there(tmp_path: Path) -> None:
         ),
         (lambda folder: _text(folder, "image: none.pgm\nresolution: 0.05\n"), {}, "none.pgm: no such file"),
         (lambda folder: _text(folder, "<robot name='r'/>"), {}, "is XML with the element <robot>"),
+        (
+            lambda folder: _text(folder, _HUGE_BOX),
+            {},
+            "<size>: expected 3 numbers up to 1e9, got '1e308 1 1'",
+        ),
         (lambda folder: _text(folder, "1,2\n3,4\n"), {}, "is not recognised; expected a map of ROS"),
         (lambda folder: _text(folder, "AC1032"), {}, "is a DWG drawing; save it as DXF"),
     ],
