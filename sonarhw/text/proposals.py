@@ -641,6 +641,7 @@ class _Label:
 
     meaning: NameMeaning
     named: bool  # whether any word is there
+    between: str = ""  # a unit that may be of this number, or the name of the next one
 
 
 def _labels(literals: Sequence[str], named: list[NameMeaning] | None) -> list[_Label]:
@@ -656,8 +657,16 @@ def _labels(literals: Sequence[str], named: list[NameMeaning] | None) -> list[_L
     labels = []
     for k in range(len(literals) - 1):
         key = named[k] if named and k < len(named) else _phrase(starts[k], words)
-        labels.append(_Label(_combined(key, suffixes[k + 1]), bool(words_of(starts[k]))))
+        # as 'tilt 12 cm 45', in which each word may be the name of the number after it
+        unclear = not named and key.quantity is None and bool(words_of(starts[k])) and _is_word_between(literals, k + 1)
+        between = literals[k + 1].strip() if unclear and suffixes[k + 1].quantity is not None else ""
+        labels.append(_Label(_combined(key, suffixes[k + 1]), bool(words_of(starts[k])), between))
     return labels
+
+
+def _is_word_between(literals: Sequence[str], k: int) -> bool:
+    """Return whether a word alone, between blanks, separates two numbers."""
+    return k < len(literals) - 1 and re.fullmatch(r"\s+[^\W\d_]+\s+", literals[k]) is not None
 
 
 def _combined(key: NameMeaning, suffix: NameMeaning) -> NameMeaning:
@@ -683,6 +692,11 @@ def _of_records(
     if count > 12:
         return LayoutProposal()
     labels = _labels(literals, named)
+    if between := next((label.between for label in labels if label.between), ""):
+        question = (
+            f"{lines[-1][:60]!r}: {between!r} is the unit of the number before it or the name of the one after it"
+        )
+        return LayoutProposal(None, questions=(f"{question}; write a pattern=",), lines=len(lines))
     columns = [records.column(k) for k in range(count)]
     roles = _radar_roles(literals, columns, ends) or _roles(columns, labels)
     if isinstance(roles, str):

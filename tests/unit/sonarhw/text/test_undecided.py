@@ -14,6 +14,7 @@ FEW = {
     "most lines are other text": [f"{a} deg 30 cm" if k % 5 == 0 else "waiting" for k, a in enumerate(ANGLES)],
 }
 SEVERAL = {
+    "pos {a} tilt {e} cm {d}": "'cm' is the unit of the number before it or the name of the one after it",
     "{a};{b};{d}cm": "number 1 and number 2 of the line both sweep",
     "{a},{d},{e}": "several numbers may be the range",
 }
