@@ -70,7 +70,8 @@ def conversation(hours: float) -> Iterator[tuple[float, list[bytes], Reading | N
 
 def memory() -> float:
     """Return the peak memory of this process, MB."""
-    assert sys.platform != "win32"  # which has no getrusage
+    if sys.platform == "win32":
+        raise NotImplementedError("Windows, which has no getrusage")
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
 
 

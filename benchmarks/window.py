@@ -60,7 +60,8 @@ def in_its_own_process(job: str, full: bool) -> list[Figure]:
 
 def machine() -> str:
     """Return the machine, the versions and the load."""
-    assert sys.platform != "win32"  # which has no load
+    if sys.platform == "win32":
+        raise NotImplementedError("Windows, which has no load")
     with_what = ", ".join(f"{name} {version(name)}" for name in _LIBRARIES)
     load = " ".join(f"{share:.1f}" for share in os.getloadavg())
     return (

@@ -55,7 +55,6 @@ _UNITS = {"centimetres": 0.01, "millimetres": 0.001, "inches": 0.0254, "feet": 0
 _LARGER_UNITS = {"metres, read as centimetres": 100.0, "metres, read as millimetres": 1000.0} | {
     "centimetres, read as millimetres": 10.0
 }
-_CORRECT = "`sonarhw import LOG {} --out NEW.mcap` corrects a log"
 
 
 def check_scan(readings: Sequence[Reading], reach: Reach = ANY_BOARD, silent: float = math.nan) -> tuple[Doubt, ...]:
@@ -110,7 +109,7 @@ _MOST_NEAR = 0.5
 def _units(heard: FloatArray, reach: Reach) -> Doubt | None:
     beyond, near = heard > reach.farthest * _SLACK, heard < reach.nearest / _SLACK
     whose = f"the board {reach.board!r} hears" if reach.board else "such boards hear"
-    check = f"check the board (--board){'' if reach.board else ' and the unit'}"
+    check = f"check the board{'' if reach.board else ' and the unit'}"
     if beyond.sum() >= max(3, _MOST_BEYOND * len(heard)):
         problem = f"{beyond.sum()} of {len(heard)} ranges are over {reach.farthest:g} m, and {whose} no farther"
         return Doubt("beyond reach", problem, _with_units(heard, reach, _UNITS) or check)
@@ -128,8 +127,8 @@ def _with_units(heard: FloatArray, reach: Reach, units: dict[str, float]) -> str
         for name, scale in units.items()
         if largest * scale <= reach.farthest * _SLACK and middle * scale >= max(reach.nearest, 0.1)
     }
-    named = " or ".join(f"{name}: --scale {scale:g}" for name, scale in fitting.items())
-    return f"if they are {named}; {_CORRECT.format('--scale NUMBER')}" if named else ""
+    named = " or ".join(f"{name}, times {scale:g}" for name, scale in fitting.items())
+    return f"if they are {named}: `sonarhw import LOG --scale NUMBER --out NEW.mcap` corrects a log" if named else ""
 
 
 # One range at many headings: noise on INIT, an echo of the own body, the largest range in place of no echo.
@@ -179,7 +178,7 @@ def _false_echo(angles: FloatArray, ranges: FloatArray) -> Doubt | None:
         "one range",
         problem,
         "this is noise on INIT or on the supply, or an echo of the carrier, not a wall: keep INIT away from the wires "
-        f"of the motor, and measure again; {_CORRECT.format(f'--no-echo {lowest:.3f}')}",
+        f"of the motor, and measure again; `sonarhw import LOG --no-echo {lowest:.3f} --out NEW.mcap` corrects a log",
     )
 
 
@@ -206,7 +205,7 @@ def _clamped(angles: FloatArray, ranges: FloatArray, reach: Reach) -> Doubt | No
 
 def _stands_for_silence(readings: BoolArray, which: str, silent: float) -> Doubt:
     problem = f"{readings.sum()} of {len(readings)} readings have a range {which}"
-    correction = f"if this means no echo, import with --no-echo {silent:.6g}"
+    correction = f"if this means no echo, `sonarhw import FILE --no-echo {silent:.6g}` reads it so"
     return Doubt("largest range", problem, correction, silent=silent)
 
 
@@ -282,21 +281,18 @@ def _degrees_or_radians(angles: FloatArray) -> Doubt | None:
     """Return a doubt if a scan of half a turn or a turn was read with degrees for radians, or the reverse."""
     if are_degrees(angles):
         problem = f"the angles reach {np.abs(angles).max():g} radians"
-        return _other_angles(problem, "degrees", "degrees=True")
+        return Doubt("angles", problem, "if they are degrees: degrees=True in Python, angle=deg in a `lines:` URL")
     numbers = np.degrees(np.unique(np.round(angles, 9)))  # as they were before they became radians
     if len(numbers) < ENOUGH_MOTION / 2 or np.allclose(10 * numbers, np.round(10 * numbers)):
         return None
     span, step = float(np.ptp(numbers)), float(np.median(np.diff(numbers)))
     if any(abs(turn - span - part * step) <= _ROUNDED * turn for turn in (math.pi, math.tau) for part in (0, 1)):
-        return _other_angles(f"the angles span only {span:.3f}°", "radians", "--angle rad")
+        correction = (
+            "if they are radians: angle=rad in a `lines:` URL; "
+            "`sonarhw import LOG --angle rad --out NEW.mcap` corrects a log"
+        )
+        return Doubt("angles", f"the angles span only {span:.3f}°", correction)
     return None
-
-
-def _other_angles(problem: str, unit: str, option: str) -> Doubt:
-    correction = f"if they are {unit}: angle={unit[:3]} in a `lines:` URL, {option}"
-    return Doubt(
-        "angles", problem, f"{correction}; {_CORRECT.format('--angle rad')}" if unit == "radians" else correction
-    )
 
 
 def _opposed(angles: FloatArray, ranges: FloatArray, sweeps: IntArray) -> Doubt | None:
@@ -336,4 +332,4 @@ def _means(ranges: FloatArray, silent: float) -> Doubt | None:
         return None
     count = int(are_means(filled, unit, pings).sum())
     problem = f"{count} ranges are likely means of {pings} pings with different ranges, so nothing is there"
-    return Doubt("means", problem, f"to leave them out, import the scan with --mean-of {pings}")
+    return Doubt("means", problem, f"`sonarhw import FILE --mean-of {pings}` leaves them out")

@@ -103,7 +103,8 @@ def moment() -> Moment:
 
 def memory() -> float:
     """Return the current memory of this process, MB."""
-    assert sys.platform != "win32"  # which has no /proc
+    if sys.platform == "win32":
+        raise NotImplementedError("Windows, which has no /proc")
     gc.collect()
     pages = int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6

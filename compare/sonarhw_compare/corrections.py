@@ -27,24 +27,23 @@ class Correction:
     scale: float = 1.0  # of the ranges
 
 
-_OF_LOG = "`sonarhw import LOG {} --out NEW.mcap` corrects a log"
-
-
-def _angle_correction(name: str, key: str, option: str, turn: float) -> Correction:
-    return Correction(name, f"import with {option}, or {key} in a `lines:` URL; {_OF_LOG.format(option)}", turn=turn)
+def _angle_correction(name: str, key: str, command: str, turn: float) -> Correction:
+    return Correction(name, f"add {key} to a `lines:` URL; {command} corrects a log", turn=turn)
 
 
 def _range_correction(name: str, scale: float) -> Correction:
-    option = f"--scale {scale:g}"
-    return Correction(name, f"check the unit; {_OF_LOG.format(option)}", scale=scale)
+    command = f"`sonarhw import LOG --scale {scale:g} --out NEW.mcap`"
+    return Correction(name, f"check the unit; {command} corrects a log", scale=scale)
 
 
-MIRRORED = _angle_correction("with clockwise angles", "turn=cw", "--turn cw", -1.0)
+MIRRORED = _angle_correction("with clockwise angles", "turn=cw", "`sonarhw import LOG --turn cw --out NEW.mcap`", -1.0)
 _AS_READ = Correction("", "")
 _CORRECTIONS = (
     MIRRORED,
-    _angle_correction("with angles in radians", "angle=rad", "--angle rad", math.degrees(1.0)),
-    _angle_correction("with angles in gradians", "angle=gon", "--angle gon", 0.9),
+    _angle_correction(
+        "with angles in radians", "angle=rad", "`sonarhw import LOG --angle rad --out NEW.mcap`", math.degrees(1.0)
+    ),
+    _angle_correction("with angles in gradians", "angle=gon", "`sonarhw import LOG --angle gon --out NEW.mcap`", 0.9),
     *(
         _range_correction(f"with {scale:g} times the ranges", scale)
         for scale in (0.001, 0.01, 0.1, 0.3937, 0.5, 2.0, 2.54, 10.0, 100.0, 1000.0)
@@ -85,7 +84,7 @@ def correction_doubt(where: str, comparison: Comparison) -> str | None:
         degrees = in_degrees(heading, 1)
         x, y = comparison.prediction.place.position
         words.append(f"with step 0 at {degrees:.1f}°")
-        actions.insert(0, f"add --place {x:.6g},{y:.6g},{degrees:.1f}")
+        actions.insert(0, f"take the place {x:.6g},{y:.6g},{degrees:.1f}")
     return (
         f"{where}: {share:.0%} of {summary.n_echo} echoes are within 5 cm of the prediction, {better:.0%} would be "
         f"{' and '.join(words)}; {'; '.join(actions)}"

@@ -376,7 +376,11 @@ def locate_scan(
         return located
     pose = _weighed([top], redundancy)[0]
     share = _explained(turned, room, board, pose, scan.place, options)
-    return replace(located, mirrored=pose, mirrored_explained=share) if share > explained else located
+    return (
+        replace(located, mirrored=pose, mirrored_explained=share)
+        if share > explained and not explains_few(share)
+        else located
+    )
 
 
 def _better_mirrored(problem: Problem, scores: Scores, best: float, redundancy: float) -> Peak | None:

@@ -167,6 +167,12 @@ class TcpServerPort:
 class PtyServerPort:
     """A pseudo-terminal behind a symbolic link. Its slave stays open, so that clients may reconnect."""
 
+    url: str
+    _master: int
+    _descriptors: tuple[int, ...]
+    _path: str
+    _link: Path | None
+
     def __init__(self, link: Path | None) -> None:
         """Open a pseudo-terminal. `link` points to it until `close`. Raises InputError if `link` cannot be created."""
         self._first_link = link
@@ -217,7 +223,7 @@ class PtyServerPort:
         import tty
 
         self._master, slave = os.openpty()
-        self._descriptors: tuple[int, ...] = (self._master, slave)
+        self._descriptors = (self._master, slave)
         tty.setraw(slave)
         os.set_blocking(self._master, False)
         self._path = os.ttyname(slave)

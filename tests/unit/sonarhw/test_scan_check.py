@@ -68,9 +68,9 @@ def test_what_is_wrong_in_a_scan_is_named_and_nothing_else(readings: list[Readin
 @pytest.mark.parametrize(
     ("scale", "reach", "correction"),
     [
-        (100.0, ANY_BOARD, "if they are centimetres: --scale 0.01"),
-        (1000.0, BOARD, "millimetres: --scale 0.001"),
-        (1 / 0.3048 * 2, BOARD, "feet: --scale 0.3048"),
+        (100.0, ANY_BOARD, "if they are centimetres, times 0.01"),
+        (1000.0, BOARD, "millimetres, times 0.001"),
+        (1 / 0.3048 * 2, BOARD, "feet, times 0.3048"),
         (1.2, Reach("short", 0.6, 1.0), "check the board"),
     ],
 )
