@@ -66,6 +66,7 @@ class _Lane:
         self._waiting: dict[str, BackgroundJob] = {}
         self._closing = False
         self._to_be_done = False  # whether the running job is to be done at the end too
+        self._given_up = False  # whether the window was closed before the running job ended
         self._done = done
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
@@ -94,9 +95,14 @@ class _Lane:
             self._changed.notify()
 
     def join(self, until: float) -> None:
-        """Wait for the end of the thread, after its current job, until a monotonic time; longer for files to save."""
+        """Wait for the end of the thread, after its current job, until a monotonic time; longer for files to save.
+
+        A job that ends later is not reported.
+        """
         while self._thread.is_alive() and (left := until - time.monotonic() + self._more_time) > 0:
             self._thread.join(min(left, CLOSED_WITHIN))
+        with self._changed:
+            self._given_up = True
 
     @property
     def _more_time(self) -> float:
@@ -113,8 +119,10 @@ class _Lane:
         if job is None:
             return False
         job.work()
-        self._done(job)
-        return True
+        with self._changed:
+            if not self._given_up:
+                self._done(job)
+            return not self._given_up
 
     def _next(self) -> BackgroundJob | None:
         with self._changed:

@@ -149,7 +149,7 @@ def test_progress_is_passed_on_until_the_job_is_cancelled(jobs: Jobs) -> None:
 
 
 def test_a_job_that_never_ends_does_not_hold_the_window_and_a_file_is_saved(jobs: Jobs) -> None:
-    held, slow, saved = Held(), Held(), []
+    held, slow, saved, before = Held(), Held(), [], working_threads()
     jobs.run("search", held)
     jobs.run("save", lambda: saved.append(slow()), at_close=True)
     assert held.begun.wait(HANG)
@@ -157,6 +157,7 @@ def test_a_job_that_never_ends_does_not_hold_the_window_and_a_file_is_saved(jobs
     jobs.close(until=time.monotonic() + 0.1)
     assert saved == ["held"]
     held.gate.set()
+    until(lambda: working_threads().keys() <= before.keys())  # reports nothing: its window is closed
 
 
 def test_closing_does_what_must_be_done_drops_the_rest_and_ends_the_threads(jobs: Jobs) -> None:
