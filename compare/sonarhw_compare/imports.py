@@ -237,30 +237,30 @@ def _of_ros_csv(where: str, text: str, step: float) -> Iterator[str]:
     """Yield LaserScan as its sweeps, Range as readings of sensors that are `step` degrees apart."""
     rows = csv.reader(StringIO(text))
     header = next(rows)
-    at = {name: k for k, name in enumerate(header)}
-    ranges = sorted((int(match[1]), k) for name, k in at.items() if (match := _RANGES.fullmatch(name)))
+    column = {name: k for k, name in enumerate(header)}
+    ranges = sorted((int(match[1]), k) for name, k in column.items() if (match := _RANGES.fullmatch(name)))
     yield "angle_deg,range_m\n"
-    if ranges and {"field.angle_min", "field.angle_increment"} <= at.keys():
+    if ranges and {"field.angle_min", "field.angle_increment"} <= column.keys():
         for number, cells in enumerate(rows, 2):
             values = _row_numbers(where, number, cells, header)
-            begin, turn = values[at["field.angle_min"]], values[at["field.angle_increment"]]
-            least, most = _limits(at, values)
+            begin, turn = values[column["field.angle_min"]], values[column["field.angle_increment"]]
+            least, most = _limits(column, values)
             for place, k in ranges:
                 angle = math.degrees(begin + place * turn)
                 yield f"{angle:.6g},{values[k] if least <= values[k] <= most else _SILENT}\n"
         return
-    if "field.range" not in at:
+    if "field.range" not in column:
         raise InputError(f"{where}: rostopic CSV without ranges; expected messages Range or LaserScan")
     frames: dict[str, int] = {}
     for number, cells in enumerate(rows, 2):
         values = _row_numbers(where, number, cells, header)
-        frame = cells[at["field.header.frame_id"]] if "field.header.frame_id" in at else ""
+        frame = cells[column["field.header.frame_id"]] if "field.header.frame_id" in column else ""
         sensor = frames.setdefault(frame, len(frames))
         if sensor and not step:
             listed = ", ".join(islice(frames, 5))
             raise InputError(f"{where}: sensors {listed} without directions; add step=DEGREES, from one to the next")
-        least, most = _limits(at, values)
-        distance = values[at["field.range"]]
+        least, most = _limits(column, values)
+        distance = values[column["field.range"]]
         yield f"{sensor * step:g},{distance if least <= distance <= most else _SILENT}\n"
 
 

@@ -66,7 +66,7 @@ class GivenScan:
     log: Log | None = None
     file: Path | None = None  # of the log
     pose: Place | None = None  # of a scan without a log
-    told: frozenset[DoubtKind] = frozenset()  # doubts of which its maker has warned
+    warned_of: frozenset[DoubtKind] = frozenset()  # doubts that need no second warning
 
     def __repr__(self) -> str:
         echoes = sum(reading.range is not None for reading in self.readings)
@@ -142,7 +142,7 @@ class GivenScan:
         """Return what is probably wrong in the readings, a line each, if `board` made them."""
         readings = without_own_body(board.own_body, self.readings)
         doubts = check_scan(readings, reach_of(board))
-        return tuple(f"{self.where}: {doubt}" for doubt in doubts if doubt.kind not in self.told)
+        return tuple(f"{self.where}: {doubt}" for doubt in doubts if doubt.kind not in self.warned_of)
 
     def board(self, given: BoardInput | None = None) -> Board:
         """Return the given board, else that of the log, else the default board."""
@@ -234,9 +234,9 @@ def scan_from_arrays(
     """
     turned = arguments.in_radians("headings", arguments.angles("headings", headings), degrees)
     echoes = echoes_of(ranges, len(turned))
-    told: set[DoubtKind] = {"angles"}
+    warned_of: set[DoubtKind] = {"angles"}
     if arguments.warn_of_centimetres("ranges", echoes[..., 0]):
-        told.add("beyond reach")
+        warned_of.add("beyond reach")
     started = 0.1 * np.arange(len(turned)) if times is None else _times(times, len(turned))
     speed = Air().speed_of_sound if speed_of_sound is None else speed_of_sound
     pings = echoes.shape[1]
@@ -257,7 +257,7 @@ def scan_from_arrays(
         for ping, of_ping in enumerate(of_heading)
     ]
     placed = None if pose is None else _pose(pose, degrees)
-    return GivenScan("the scan", tuple(readings), pose=placed, told=frozenset(told))
+    return GivenScan("the scan", tuple(readings), pose=placed, warned_of=frozenset(warned_of))
 
 
 def echoes_of(ranges: ArrayLike, headings: int) -> FloatArray:

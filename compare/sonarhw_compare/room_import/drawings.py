@@ -84,10 +84,10 @@ def _plan(file: Path, drawing: _Drawing, unit: str, layers: Sequence[str]) -> Fo
 
 def _of_layers(file: Path, drawing: _Drawing, layers: Sequence[str]) -> _Drawing:
     """Return what is in some layers; without any named, everything. Raises InputError for an unknown layer."""
-    there = {line[0] for line in drawing.lines} | {circle[0] for circle in drawing.circles}
+    with_lines = {line[0] for line in drawing.lines} | {circle[0] for circle in drawing.circles}
     for layer in layers:
-        if layer not in there:
-            raise InputError(f"{file}: no layer {layer!r} with lines; layers: {', '.join(sorted(there)[:30])}")
+        if layer not in with_lines:
+            raise InputError(f"{file}: no layer {layer!r} with lines; layers: {', '.join(sorted(with_lines)[:30])}")
     if not layers:
         return drawing
     lines = [line for line in drawing.lines if line[0] in layers]

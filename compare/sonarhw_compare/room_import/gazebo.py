@@ -92,8 +92,10 @@ def _read_model(world: _World, model: ElementTree.Element, pose: Pose, name: str
     if sensors:
         link, sensor = sensors[0]
         of_link = _placed(world, link.find("pose"), frames, pose)
-        at = _placed(world, sensor.find("pose"), frames, of_link)
-        place = Place(name, (float(at[0, 3]), float(at[1, 3])), math.atan2(at[1, 0], at[0, 0]), float(at[2, 3]))
+        frame = _placed(world, sensor.find("pose"), frames, of_link)
+        place = Place(
+            name, (float(frame[0, 3]), float(frame[1, 3])), math.atan2(frame[1, 0], frame[0, 0]), float(frame[2, 3])
+        )
         world.plan.places.append(place)
         world.plan.notes.append(f"model {name!r} has a distance sensor: it is a place, its body is left out")
         return

@@ -75,12 +75,12 @@ def _can_connect(session: WindowSession) -> bool:
     return session.scanners.possible
 
 
-def _can_fake(session: WindowSession) -> bool:
-    return _can_connect(session) and _idle(session) and session.shown.scene.room is not None
-
-
 def _has_room(session: WindowSession) -> bool:
     return _idle(session) and session.shown.scene.room is not None
+
+
+def _can_fake(session: WindowSession) -> bool:
+    return _can_connect(session) and _has_room(session)
 
 
 def _has_readings(session: WindowSession) -> bool:

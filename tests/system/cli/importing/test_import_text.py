@@ -47,7 +47,7 @@ def test_means_of_different_ranges_give_a_warning_and_are_left_out(
     assert len(imported(tmp_path, text, *options)) == 144
     err = capsys.readouterr().err
     assert "warning: 44 ranges are likely means of 5 pings with different ranges" in err
-    assert "with --mean-of 5" in err
+    assert "`sonarhw import FILE --mean-of 5` leaves them out" in err
     kept = imported(tmp_path, text, *options, "--mean-of", "5", "--force")
     err = capsys.readouterr().err
     assert "44 means of different ranges left out" in err
