@@ -294,6 +294,9 @@ class ScannerThread:
         self._readings: deque[Reading] = deque(maxlen=MOST_WAITING)
         self._count_lost: Callable[[], int] = lambda: 0  # readings lost during the scan
         self._stop_wanted = threading.Event()
+        self._stopping = (
+            threading.Lock()
+        )  # held while a stop is sent: a job ends only after it, so it stops no later job
         self._wake = threading.Event()
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._run, name="live scanner", daemon=True)
@@ -399,7 +402,7 @@ class ScannerThread:
     def _run_job(self, phase: Phase, job: Job, scanner: Scanner) -> None:
         try:
             self.advance(phase=phase)
-            self.advance(phase=Phase.STOPPED if self.stop_wanted else job(scanner, self))
+            self._end(Phase.STOPPED if self.stop_wanted else job(scanner, self))
         except (LinkError, NoAnswer, WrongDevice, Incompatible):
             raise
         except SonarError as error:  # the connection still works
@@ -408,14 +411,18 @@ class ScannerThread:
     def _failed(self, error: Exception) -> None:
         # errors while stopping are caused by the stop
         stopping = self.stop_wanted and isinstance(error, SonarError)
-        self.advance(phase=Phase.STOPPED if stopping else Phase.FAILED, error=None if stopping else error)
+        self._end(Phase.STOPPED if stopping else Phase.FAILED, None if stopping else error)
+
+    def _end(self, phase: Phase, error: Exception | None = None) -> None:
+        with self._stopping:
+            self.advance(phase=phase, error=error)
 
     def _watch(self, scanner: Scanner, closing: threading.Event) -> None:
         """Poll the state of the link, and send stop commands; neither may delay the window or the job."""
         while not closing.is_set():
-            if self.stop_wanted and not self.state.ended:
-                with suppress(SonarError):  # repeated until the job has ended
-                    scanner.stop()
+            with self._stopping, suppress(SonarError):
+                if not self.state.ended and self.stop_wanted:  # in this order, so that both are of one job
+                    scanner.stop()  # repeated until the job has ended
             self.link = _link_state(scanner)
             self._wake.wait(_POLL_EVERY)
             self._wake.clear()

@@ -157,6 +157,38 @@ def test_a_stop_before_the_first_reading_leaves_no_readings(
     assert (session.shown.readings, session.status.job.recording) == ((), None)
 
 
+def test_a_stop_that_is_sent_late_does_not_stop_the_next_scan(open_session: OpenSession, fake: OpenFake) -> None:
+    sending, next_scan, opener = threading.Event(), threading.Event(), fake("max")
+
+    @contextmanager
+    def slow_to_stop() -> Iterator[Scanner]:
+        with opener() as scanner:
+            stop, home = scanner.stop, scanner.home
+
+            def stop_late() -> None:
+                sending.set()
+                next_scan.wait(0.5)  # a correct session begins no scan while the stop is being sent
+                stop()
+
+            def home_later(*order: object) -> object:
+                assert sending.wait(HANG)
+                return home(*order)
+
+            scanner.stop, scanner.home = stop_late, home_later
+            yield scanner
+
+    session = open_session(slow_to_stop)
+    session.scan()
+    until(lambda: session.status.job.phase is Phase.HOMING)
+    session.stop()
+    until(lambda: idle(session, Phase.STOPPED))
+    first = session.status.job.recording
+    session.scan()
+    next_scan.set()
+    assert len(read_log(scanned(session, first)).readings) == ORDER.readings
+    assert session.status.job.phase is Phase.DONE
+
+
 def test_a_stop_before_the_scanner_answers_leaves_no_log(open_session: OpenSession, fake: OpenFake) -> None:
     opening, proceed, opener = threading.Event(), threading.Event(), fake("max")
 
