@@ -19,7 +19,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from sonarhw_compare.headings import heading_text
 from sonarhw_compare.match import Comparison, Kind
 from sonarhw_sim.air import EdgeStrength, Model, Receiver
 from sonarhw_sim.board.profile import Board, load_board
@@ -46,6 +45,7 @@ from benchmarks.real.judged_scans import (
 )
 from benchmarks.real.sensor_table import print_sensors
 from benchmarks.real.tune_lego_nxt import print_candidates, print_cross_validation, try_all
+from sonarhw.readings import heading_text
 
 FIGURE = Path("docs/explanation/real_scans.png")
 

@@ -19,8 +19,7 @@ import numpy as np
 
 from sonarhw.errors import InputError, counted
 from sonarhw.files import open_input
-from sonarhw.readings import Reading, Trace
-from sonarhw.sound_speed import speed_of_sound
+from sonarhw.readings import Reading, Trace, speed_of_sound
 from sonarhw.text.decoder import encoding_of
 from sonarhw.wire.messages import MOST_DEGREES
 

@@ -22,8 +22,7 @@ from sonarhw.files import open_input
 from sonarhw.log import Log, read_log
 from sonarhw.plugins.device_plugin import Measurement
 from sonarhw.plugins.sweep_tracker import SweepTracker
-from sonarhw.readings import Reading, Trace
-from sonarhw.sound_speed import speed_of_sound
+from sonarhw.readings import Reading, Trace, speed_of_sound
 from sonarhw.text.decoder import encoding_of, make_decoder
 from sonarhw.text.layouts import Layout, Printed
 from sonarhw.text.proposals import LayoutProposal, UnitChoice, propose

@@ -13,8 +13,8 @@ from sonarhw_sim.board.profile import Board, without_own_body
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
 from sonarhw_sim.room.room import Place, Room, place_at
 
-from sonarhw.errors import InputError, counted
-from sonarhw.readings import FloatArray, Reading, angle_difference
+from sonarhw.errors import InputError, counted, deviation_text, estimate_text
+from sonarhw.readings import FloatArray, Reading, angle_difference, estimate_degrees, turned_near
 from sonarhw_compare.corrections import MIRRORED
 from sonarhw_compare.fit.fitting import check_fit
 from sonarhw_compare.fit.objective import MODERATE, Problem, make_problem
@@ -25,7 +25,6 @@ from sonarhw_compare.fit.search import Peak, covariance_of, highest, peak_at, re
 from sonarhw_compare.fit.starting import HEADINGS, QUICK, Scores, at_marks, best_apart, local_maxima, score_positions
 from sonarhw_compare.foreign_csv import opened, other_separator, short_lines
 from sonarhw_compare.free_space import distances_to, find_free_space
-from sonarhw_compare.headings import deviation_text, estimate_degrees, estimate_text, turned_near
 from sonarhw_compare.match import TOLERANCE, drawn_blocks, explains_few, few_explained
 from sonarhw_compare.regions import angles_and_ranges, mean_run
 

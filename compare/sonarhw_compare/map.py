@@ -18,7 +18,7 @@ from sonarhw_sim.room.room import Room, parse_room
 
 from sonarhw import arguments
 from sonarhw.errors import counted
-from sonarhw.readings import BoolArray, FloatArray, angle_difference
+from sonarhw.readings import BoolArray, FloatArray, angle_difference, in_degrees
 from sonarhw_compare.arcs import (
     CERTAIN,
     FARTHEST,
@@ -34,7 +34,6 @@ from sonarhw_compare.arcs import (
     table_of,
 )
 from sonarhw_compare.fit.result import PlacedScan
-from sonarhw_compare.headings import in_degrees, rounded_point
 from sonarhw_compare.match import compare_readings
 from sonarhw_compare.rooms.draft import REFLECTANCE
 
@@ -617,3 +616,8 @@ def map_scans(
 def _layer(scans: Sequence[PlacedScan], board: Board, kept: tuple[BoolArray, ...]) -> Layer:
     features = find_features(arcs_of(scans, board, CERTAIN, kept))
     return Layer(kept, certainty_grid(scans, board, kept), with_possible_walls(features, scans, board, kept))
+
+
+def rounded_point(point: tuple[float, float]) -> list[float]:
+    """Return x and y rounded to µm."""
+    return [round(coordinate, 6) + 0.0 for coordinate in point]

@@ -22,13 +22,12 @@ from sonarhw_sim.room.room import Place, Room
 
 from sonarhw.errors import harmless
 from sonarhw.log import Log, LogMetadata
-from sonarhw.readings import FloatArray, Origin, Reading, Trace
+from sonarhw.readings import FloatArray, Origin, Reading, Trace, heading_text, in_degrees
 from sonarhw_compare import pictures
 from sonarhw_compare.corrections import agreement_doubts
 from sonarhw_compare.drawings import draw_map, draw_room
 from sonarhw_compare.explain import explain_reading, path_suffix, region_counts
 from sonarhw_compare.fit.starting import Fit
-from sonarhw_compare.headings import heading_text, in_degrees
 from sonarhw_compare.map import Layer, RoomMap
 from sonarhw_compare.match import TOLERANCE, Comparison, Kind, Matched, Summary, compare_readings
 from sonarhw_compare.picture_file import picture_bytes

@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 
-from sonarhw.readings import FloatArray
+from sonarhw.readings import FloatArray, heading_text
 from sonarhw_compare.explain import LengthText, RankedEcho, describe_path, in_metres, ranked_echoes
-from sonarhw_compare.headings import heading_text
 
 # Where sound is on a path at a given time: pure functions on points and lengths.
 #

@@ -16,7 +16,7 @@ from sonarhw_sim.room.room import Place, Room, parse_room
 from sonarhw_sim.room.room_writing import with_air, with_place
 
 from sonarhw.errors import InputError, counted, harmless
-from sonarhw.readings import FloatArray, Reading
+from sonarhw.readings import FloatArray, Reading, turned_near
 from sonarhw_compare.corrections import correction_doubt
 from sonarhw_compare.edits import below_header, set_marked
 from sonarhw_compare.fit.objective import COARSE, MODERATE, Problem, make_problem
@@ -43,7 +43,6 @@ from sonarhw_compare.fit.result import (
 )
 from sonarhw_compare.fit.search import Marginals, Peak, highest, marginals_of, peak_at, refined, underestimated
 from sonarhw_compare.fit.starting import ScoredValues, is_same, starting_poses
-from sonarhw_compare.headings import turned_near
 from sonarhw_compare.match import Comparison, Summary, compare_readings, explains_few, few_explained_line
 from sonarhw_compare.regions import mean_run
 from sonarhw_compare.scans import BoardInput, GivenScan, PlaceInput, RoomInput, common_board

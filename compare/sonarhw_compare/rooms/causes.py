@@ -14,14 +14,13 @@ from sonarhw_sim.room.room import Place, Room
 from sonarhw_sim.room.room_writing import changed_room, section
 
 from sonarhw.errors import InputError
-from sonarhw.readings import FloatArray, Reading
+from sonarhw.readings import FloatArray, Reading, in_degrees
 from sonarhw_compare.arcs import POSSIBLE, arcs_of
 from sonarhw_compare.edits import Point, add_post, add_wall, set_material
 from sonarhw_compare.explain import LengthText, in_metres
 from sonarhw_compare.fit.free_walls import can_shift, left_normals, with_shifted_walls, with_written_walls
 from sonarhw_compare.fit.likelihood import ReadingNoise
 from sonarhw_compare.fit.result import PlacedScan
-from sonarhw_compare.headings import in_degrees
 from sonarhw_compare.locate import PoseSpread
 from sonarhw_compare.match import Comparison, Kind, compare_readings
 from sonarhw_compare.rooms.candidates import post_candidates

@@ -14,11 +14,10 @@ from sonarhw_sim.room.room import Place, Room, parse_room
 from tomlkit.items import AoT, Table
 
 from sonarhw.errors import counted, harmless
-from sonarhw.readings import FloatArray
+from sonarhw.readings import FloatArray, in_degrees
 from sonarhw_compare.free_space import find_free_space
-from sonarhw_compare.headings import in_degrees, rounded_point
 from sonarhw_compare.locate import Pose
-from sonarhw_compare.map import RoomMap
+from sonarhw_compare.map import RoomMap, rounded_point
 from sonarhw_compare.rooms.draft import MATERIAL, REFLECTANCE, SHARE, SPREAD, at_right_angles, post_name, wall_name
 from sonarhw_compare.rooms.evidence import FINE, FOLLOWED
 from sonarhw_compare.rooms.refinement import Move, Shifts, shifts_of

@@ -17,14 +17,13 @@ from PySide6.QtCore import QPointF, QSignalBlocker, QSize, Qt, Slot
 from PySide6.QtGui import QColor, QHideEvent, QIcon, QPainter, QPen, QPixmap, QShowEvent
 from sonarhw_compare.edits import remove_surface
 from sonarhw_compare.fit.quantities import NEAR, QUANTITIES, Offer
-from sonarhw_compare.headings import in_degrees
 from sonarhw_compare.match import Kind
 from sonarhw_compare.pictures import points_at
 from sonarhw_sim.predict.predicted_scan import standpoints
 from sonarhw_sim.room.room import Room
 
 from sonarhw.errors import InputError, counted
-from sonarhw.readings import BoolArray, FloatArray
+from sonarhw.readings import BoolArray, FloatArray, in_degrees
 from sonarhw_gui.jobs import searches
 from sonarhw_gui.jobs.searches import rows
 from sonarhw_gui.model.edits import Edit, with_room

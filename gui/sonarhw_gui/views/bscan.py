@@ -13,12 +13,11 @@ from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent
 from PySide6.QtCore import QMargins, QPointF, QRectF, Qt, Slot
 from PySide6.QtGui import QActionGroup, QHideEvent, QShowEvent
 from PySide6.QtWidgets import QVBoxLayout, QWidget
-from sonarhw_compare.headings import heading_text
 from sonarhw_compare.pictures import RangeCells
 from sonarhw_sim.air import Air
 from sonarhw_sim.predict.predicted_scan import arm
 
-from sonarhw.readings import FloatArray
+from sonarhw.readings import FloatArray, heading_text
 from sonarhw_gui.jobs.traces import Arm, BScans, BScanSettings, ColourScale, Pane, flat_area, polar_area
 from sonarhw_gui.model.look import Look, ViewLayer
 from sonarhw_gui.model.scene import wall_lines

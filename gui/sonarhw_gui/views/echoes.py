@@ -7,9 +7,9 @@ from PySide6.QtCore import QEvent, QObject, Qt, Slot
 from PySide6.QtGui import QBrush, QColor, QFontMetrics
 from PySide6.QtWidgets import QHBoxLayout, QTableWidget, QTableWidgetItem, QVBoxLayout, QWidget
 from sonarhw_compare.explain import RankedEcho, outcome_text, ranked_echoes, remedy, remedy_text, runner_up
-from sonarhw_compare.headings import heading_text
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 
+from sonarhw.readings import heading_text
 from sonarhw_gui.model.look import LengthUnit
 from sonarhw_gui.model.scene import decibels_text
 from sonarhw_gui.model.shown import Shown, is_same_question

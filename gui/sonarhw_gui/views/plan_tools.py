@@ -8,10 +8,10 @@ from typing import Any
 from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent, MouseDragEvent
 from PySide6.QtCore import QPointF, Qt
 from sonarhw_compare.edits import POST, WALL, Point, corners, free_name
-from sonarhw_compare.headings import heading_text
 from sonarhw_sim.room.room import Room
 
 from sonarhw.errors import InputError
+from sonarhw.readings import heading_text
 from sonarhw_gui.model import edits
 from sonarhw_gui.model.look import LengthUnit
 from sonarhw_gui.model.scene import Scene, decibels_text

@@ -13,11 +13,10 @@ from PySide6.QtCore import QByteArray, QObject, QPoint, QRect, QSize, Qt, Slot, 
 from PySide6.QtGui import QAction, QActionGroup, QImage, QKeySequence, QPageLayout, QPainter
 from PySide6.QtPrintSupport import QPrinter, QPrintPreviewDialog
 from PySide6.QtWidgets import QMainWindow, QMenu, QMenuBar, QMessageBox, QWidget
-from sonarhw_compare.headings import heading_text
 from sonarhw_compare.scans import MOST_CHARACTERS, note_text
 
 from sonarhw.export import export_suffixes
-from sonarhw.readings import Reading
+from sonarhw.readings import Reading, heading_text
 from sonarhw_gui.model.look import DARK, LIGHT, LengthUnit, Look
 from sonarhw_gui.session.session import WindowSession
 from sonarhw_gui.session.showing import ShownModel

@@ -16,7 +16,6 @@ from PySide6.QtGui import QColor, QImage, QPalette, QWheelEvent
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QToolButton, QWidget
 from shiboken6 import Shiboken
-from sonarhw_compare.headings import heading_text
 from sonarhw_gui.jobs import forecast
 from sonarhw_gui.jobs.forecast import Forecast, PathsFound
 from sonarhw_gui.model.edits import sensor_at
@@ -32,6 +31,7 @@ from sonarhw_gui.window.window import MainWindow
 from sonarhw_sim.predict.prediction import predict_scan
 
 from sonarhw.log import read_log
+from sonarhw.readings import heading_text
 from tests.system.gui.conftest import OpenWith
 from tests.system.gui.driving import (
     LEFT,

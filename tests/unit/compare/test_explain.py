@@ -21,7 +21,6 @@ from sonarhw_compare.explain import (
     summary_lines,
 )
 from sonarhw_compare.fit.free_walls import left_normals, with_shifted_walls
-from sonarhw_compare.headings import deviation_text, estimate_degrees, estimate_text, heading_text, in_degrees
 from sonarhw_compare.match import TOLERANCE, compare_readings
 from sonarhw_compare.score import assigned_echoes
 from sonarhw_sim.air import Receiver
@@ -30,7 +29,8 @@ from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, weigh_paths
 from sonarhw_sim.room.room import Place, load_room
 
-from sonarhw.readings import FloatArray
+from sonarhw.errors import deviation_text, estimate_text
+from sonarhw.readings import FloatArray, estimate_degrees, heading_text, in_degrees
 from tests.fixtures.predicted_readings import readings_of
 
 ARENA = load_room("arena")
