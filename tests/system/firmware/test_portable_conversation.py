@@ -9,19 +9,14 @@ from hypothesis import strategies as some
 
 from sonarhw.wire.frames import DELIMITER, Frame, FrameDecoder, encode_frame
 from sonarhw.wire.messages import (
-    Accepted,
     AskStatistics,
     Capabilities,
     Configure,
-    Finished,
-    Heartbeat,
     Hello,
     Info,
-    Message,
     ReadingMessage,
     Resend,
     Settings,
-    Started,
     StartScan,
     TraceChunk,
     unpack_message,
@@ -90,24 +85,6 @@ def test_pieces_of_about_254_bytes_are_encoded_as_by_the_library(board: Portable
             assert cobs.encode(cobs.decode(wire)) == wire
 
 
-def scanned(board: PortableBoard, readings: int, echoes: int = 2) -> list[Message]:
-    """Return all messages of a scan with so many readings."""
-    board.greet_and_home()
-    board.set_echoes([3_000_000 + 1_000_000 * echo for echo in range(echoes)])
-    board.ask(Configure(62_400, 500, 0, 343_200))
-    return board.ask(StartScan(0, 50_000, readings, 1, 1), readings * 100_000 + 200_000)
-
-
-@pytest.mark.parametrize(("echoes", "kept"), [(0, 64), (1, 64), (3, 47), (8, 26), (34, 8)])
-def test_the_last_readings_are_kept_and_sent_again_unchanged(board: PortableBoard, echoes: int, kept: int) -> None:
-    readings = [message for message in scanned(board, 80, echoes) if isinstance(message, ReadingMessage)]
-    assert [reading.number for reading in readings] == [*range(80)]
-    assert all(len(reading.echoes) == echoes for reading in readings)
-    again = board.ask(Resend(16, 64), 100_000)
-    assert isinstance(again[0], Accepted)
-    assert [*filter(lambda message: not isinstance(message, Heartbeat), again[1:])] == readings[-kept:]
-
-
 @pytest.mark.parametrize("echoes_ms", [[40], [3, 45], [32.767, 32.768], [1, 33.7675, 62.4], [61, 62]])
 def test_echoes_far_apart_are_sent_again_unchanged(board: PortableBoard, echoes_ms: list[float]) -> None:
     board.greet_and_home()
@@ -116,18 +93,6 @@ def test_echoes_far_apart_are_sent_again_unchanged(board: PortableBoard, echoes_
     readings = [m for m in board.ask(StartScan(0, 1, 3, 1, 1), 500_000) if isinstance(m, ReadingMessage)]
     assert [list(reading.echoes) for reading in readings] == [[round(time * 1e6) for time in echoes_ms]] * 3
     assert [m for m in board.ask(Resend(0, 3), 100_000) if isinstance(m, ReadingMessage)] == readings
-
-
-@pytest.mark.parametrize("extra", [b"", b"1.3", bytes(58)], ids=["this version", "newer", "longest"])
-def test_a_repeated_command_is_carried_out_once(board: PortableBoard, extra: bytes) -> None:
-    board.greet_and_home()
-    wire = encode_frame(Frame(StartScan.TYPE, 900, 0, StartScan(0, 5_000_000, 2, 1, 1).pack() + extra))
-    board.send(wire)
-    first = [m for _, m in board.frames_until(board.now + 1_000_000) if not isinstance(m, Heartbeat)]
-    board.send(wire)
-    second = [m for _, m in board.frames_until(board.now + 1_000_000) if not isinstance(m, Heartbeat)]
-    assert [type(m) for m in first] == [Started, ReadingMessage, ReadingMessage, Finished]
-    assert second == [first[0], first[-1]]
 
 
 def test_nothing_is_sent_and_no_motor_steps_while_it_listens(board: PortableBoard) -> None:
@@ -155,16 +120,6 @@ def test_lost_samples_are_marked_in_their_chunks(board: PortableBoard) -> None:
             (512, bytes([87])),
         ]
         assert b"".join(chunk.samples for chunk in chunks) == FULL_TRACE[:600]
-
-
-def test_nothing_is_sent_after_the_host_is_gone(board: PortableBoard) -> None:
-    scanned(board, 70)
-    board.ask(Hello(1, 1))
-    board.send(encode_frame(Frame(Resend.TYPE, 7, 0, Resend(0, 64).pack())))
-    board.c.host_grain(2_100_000)
-    board.frames_until(board.now + 2_100_000)
-    board.c.host_grain(100)
-    assert board.frames_until(board.now + 1_000_000) == []
 
 
 def test_the_motor_is_released_two_seconds_after_the_last_frame(board: PortableBoard) -> None:

@@ -9,13 +9,12 @@ from pathlib import Path
 import pytest
 
 from sonarhw.device.fake_board import FakeBoard
-from sonarhw.device.served import Clock, Endpoint, Pace, TcpServerPort, open_server_port, serve
+from sonarhw.device.served import Clock, Pace, TcpServerPort, open_server_port, serve
 from sonarhw.errors import InputError, LinkBusy, LinkError
 from sonarhw.host.scanner import Scanner
 from sonarhw.link import Link
 from sonarhw.readings import Ping, PingResult, pings_in_place
-from sonarhw.wire.frames import Frame, encode_frame
-from sonarhw.wire.messages import Hello, Outcome
+from sonarhw.wire.messages import Outcome
 from tests.fixtures.plain_echoes import PlainEchoes
 from tests.hang_guard import HANG, wait_until
 
@@ -70,14 +69,6 @@ class Failing(EndlessSender):
     def advance(self, now: float) -> bytes:
         """Raise an exception."""
         raise ZeroDivisionError("broken device")
-
-
-def test_a_link_points_to_the_terminal_and_is_removed_at_the_end(tmp_path: Path) -> None:
-    link = tmp_path / "scanner"
-    with serve(FakeBoard(PlainEchoes()), pty=link) as endpoint:
-        assert endpoint.url == str(link)
-        assert os.path.realpath(link).startswith("/dev/")
-    assert not link.is_symlink()
 
 
 def test_a_link_left_behind_is_replaced_and_anything_else_is_kept(tmp_path: Path) -> None:
@@ -220,35 +211,6 @@ def test_a_device_that_computes_for_long_is_not_taken_for_lost(pace: Pace) -> No
     board = FakeBoard(SlowEchoes())
     with serve(board, tcp="127.0.0.1:0", pace=pace) as endpoint, Scanner.open(endpoint.url) as scanner:
         assert len(list(scanner.scan(pings_in_place(8)))) == 8
-
-
-def test_an_idle_device_loses_no_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    real = 100.0
-
-    def select(_readers: object, _writers: object, _errors: object, wait: float) -> tuple[list[int], ...]:
-        nonlocal real
-        real += wait + 0.001
-        if real > 110:
-            endpoint.stop()
-        return [], [], []
-
-    monkeypatch.setattr(time, "monotonic", lambda: real)
-    monkeypatch.setattr("sonarhw.device.served.select.select", select)
-    with open_server_port(tcp="127.0.0.1:0") as port:
-        endpoint = Endpoint(FakeBoard(PlainEchoes()), port)
-        endpoint.run()
-    assert endpoint._clock.now == pytest.approx(10, abs=0.5)
-
-
-def test_a_disconnect_ends_the_conversation() -> None:
-    board = FakeBoard(PlainEchoes())
-    with serve(board, tcp="127.0.0.1:0") as endpoint:
-        host, _, port = endpoint.url.removeprefix("socket://").partition(":")
-        with socket.create_connection((host, int(port))) as client:
-            client.sendall(encode_frame(Frame(Hello.TYPE, 0, 0, Hello(1, 0).pack())))
-            assert client.recv(100)
-            assert board.next_event() is not None
-        wait_until(lambda: board.next_event() is None)
 
 
 def test_a_port_never_waits_for_its_client() -> None:

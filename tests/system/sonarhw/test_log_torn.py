@@ -241,30 +241,6 @@ def test_damage_raises_no_other_error_than_not_a_log(
     assert "\n" not in message
 
 
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        (b"", "is empty"),
-        (b"time_s,heading_deg\n0,1\n", "is not an MCAP file"),
-        (b"\x89MCAP1\r\n rest", "is not an MCAP file"),
-        (None, "no such file; give the name of a log"),
-        ("ros2", "is an MCAP file, but not a log of sonarhw"),
-    ],
-)
-def test_a_file_that_is_not_a_log_gives_an_error_of_one_line(
-    tmp_path: Path, content: bytes | str | None, message: str
-) -> None:
-    path = tmp_path / "scan.mcap"
-    if isinstance(content, str):
-        writer = Writer(str(path))
-        writer.start(content)
-        writer.finish()
-    elif content is not None:
-        path.write_bytes(content)
-    with pytest.raises(NotALog, match=message):
-        read_log(path)
-
-
 def test_a_log_with_other_channel_numbers_gives_the_same_frames_and_readings(whole: Path, tmp_path: Path) -> None:
     """Other programs that repair or merge MCAP files number the channels again."""
     path = tmp_path / "other.mcap"
@@ -339,39 +315,3 @@ def test_frames_outside_a_scan_are_on_disk_at_once(tmp_path: Path) -> None:
         for count in range(1, 4):
             log.frame(count % 2 == 1, METADATA.started, b"\x01\x00")
             assert len(read_log(path).frames) == count
-
-
-FULL_DISK = """
-import resource, sys
-from pathlib import Path
-from sonarhw.errors import LogError
-from sonarhw.log import LogWriter
-from tests.fixtures.example_logs import METADATA
-from tests.fixtures.example_frames import scan_frames
-
-# a file at its size limit fails like a full disk: with an OSError from write
-resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, 10_000))
-accepted = 0
-try:
-    with LogWriter(Path(sys.argv[1]), METADATA) as log:
-        for frames, reading in scan_frames():
-            for wire in frames:
-                log.frame(True, METADATA.started, wire)
-            if reading is not None:
-                log.reading(reading)
-                accepted += 1
-except LogError as error:
-    print(accepted, error, sep="|")
-"""
-
-
-def test_a_full_disk_gives_an_error_of_one_line_and_the_log_keeps_its_readings(tmp_path: Path) -> None:
-    path = tmp_path / "scan.mcap"
-    done = subprocess.run([sys.executable, "-c", FULL_DISK, str(path)], capture_output=True, text=True, check=True)
-    accepted, line = done.stdout.strip().split("|")
-    assert "can no longer be written: File too large" in line
-    log = read_log(path)
-    assert len(log.readings) == int(accepted) > 5
-    size = path.stat().st_size
-    # cut after the last complete record, not inside the one that did not fit
-    assert log.torn == f"the file ends too early at byte {size}"

@@ -22,7 +22,6 @@ from sonarhw.host.scanner import LinkThread, Scanner, TurnSettings
 from sonarhw.host.session import Connection
 from sonarhw.link import MOST, Link
 from sonarhw.readings import Reading, ScanOrder
-from sonarhw.wire.frames import Frame, FrameDecoder
 from sonarhw.wire.limits import MAX_ECHOES
 from sonarhw.wire.messages import (
     Approach,
@@ -50,22 +49,6 @@ def served() -> Serve:
         return serve(board or FakeBoard(PlainEchoes(), seed=5), pace=pace, tcp="127.0.0.1:0")
 
     return serve_board
-
-
-class MemoryRecorder:
-    """A recorder that keeps frames and readings in memory."""
-
-    def __init__(self) -> None:
-        self.frames: list[tuple[bool, float, bytes]] = []
-        self.readings: list[Reading] = []
-
-    def frame(self, received: bool, time: float, wire: bytes) -> None:
-        """Keep a frame."""
-        self.frames.append((received, time, wire))
-
-    def reading(self, reading: Reading) -> None:
-        """Keep a reading."""
-        self.readings.append(reading)
 
 
 def check_scan(readings: list[Reading]) -> None:
@@ -193,21 +176,6 @@ def test_an_interrupt_in_the_middle_stops_the_board(served: Serve) -> None:
         wait_until(lambda: not board.busy)
 
 
-def test_a_link_that_vanishes_during_a_scan_is_an_error(served: Serve) -> None:
-    readings = []
-    with served(pace=20.0) as endpoint:
-        scanner = Scanner.open(endpoint.url, reconnect=0.5)
-        scanner.home()
-        scan = scanner.scan(LONG)
-        readings += [next(scan) for _ in range(5)]
-    with pytest.raises(LinkLost, match=r"link was lost.*did not come back within 0.5 s"):
-        readings.extend(scan)
-    with pytest.raises(LinkLost):
-        scanner.home()
-    scanner.close()
-    assert 5 <= len(readings) < LONG.readings
-
-
 def test_a_stop_without_an_action_does_not_wait_for_a_lost_device(served: Serve) -> None:
     with served() as endpoint:
         scanner = Scanner.open(endpoint.url, reconnect=10 * HANG)
@@ -215,25 +183,6 @@ def test_a_stop_without_an_action_does_not_wait_for_a_lost_device(served: Serve)
     with pytest.raises(LinkLost, match="link was lost"):
         scanner.stop()
     scanner.close()
-
-
-def test_every_frame_is_recorded_and_decodes_to_the_same_readings(served: Serve) -> None:
-    recorder = MemoryRecorder()
-    with served() as endpoint, Scanner.open(endpoint.url) as scanner:
-        scanner.record(recorder)
-        scanner.home()
-        readings = list(scanner.scan(ORDER))
-    assert recorder.readings == readings
-    kinds = []
-    for received, _, wire in recorder.frames:
-        (frame,) = FrameDecoder().feed(wire)
-        assert isinstance(frame, Frame)
-        assert received == (frame.type >= 0x80)
-        kinds.append(frame.type)
-    assert kinds[:2] == [0x01, 0x81]
-    assert kinds.count(0x87) == 72
-    times = [time for _, time, _ in recorder.frames]
-    assert all(abs(time - times[0]) < 60 for time in times)
 
 
 def test_a_slow_caller_loses_no_reading(served: Serve, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,24 +7,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.special import j1
-from sonarhw_compare.arcs import place_numbers
 from sonarhw_compare.calibration.outcome import CalibratedValue, Calibration
 from sonarhw_compare.calibration.plate import calibrate_with_plates, find_blanking
-from sonarhw_compare.calibration.plate_readings import plate_envelopes, plate_levels, plate_readings
+from sonarhw_compare.calibration.plate_readings import plate_levels, plate_readings
 from sonarhw_compare.calibration.room import (
-    APERTURES,
-    THRESHOLDS,
     RoomCalibration,
     choose_detection,
     find_own_body,
     gained_by_reflection,
     is_contradicted,
-    nearest_good_pair,
     spreads,
     with_reflectances,
 )
 from sonarhw_compare.fit.result import PlacedScan
-from sonarhw_sim.air import Air, Receiver
+from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.predict.room_echoes import EXACT, RoomEchoes
@@ -32,7 +28,7 @@ from sonarhw_sim.room.room import Place, load_room, parse_room
 
 from sonarhw.errors import InputError, NoPlate
 from sonarhw.readings import Ping
-from tests.fixtures.plate_scans import CONSTANTS, hidden_board, plates, scanned_plate, start_board, wall_room
+from tests.fixtures.plate_scans import CONSTANTS, hidden_board, plates, scanned_plate, start_board
 from tests.fixtures.predicted_readings import predicted_scan, readings_of
 
 ROOM, NXT = load_room("arena"), load_board("lego-nxt")
@@ -53,28 +49,6 @@ def test_the_rule_finds_the_pair_with_which_scans_were_predicted(louder: float, 
     assert value == pytest.approx(true.threshold_db, abs=1.1)
     assert aperture[0] == pytest.approx(true.aperture_radius, rel=0.11)
     assert low <= true.threshold_db <= high
-
-
-def test_scans_without_silence_do_not_determine_a_threshold() -> None:
-    scans = [predicted_scan(ROOM, place, replace(NXT, threshold_db=-40.0), 8.0) for place in PLACES[:3]]
-    threshold, _ = choose_detection(scans, ROOM, replace(NXT, threshold_db=-30.0), PLACES[:3], 3.0)
-    assert threshold is None
-
-
-@pytest.mark.parametrize(("error", "expected"), [(0.004, (8, 14)), (0.008, (5, 8)), (0.03, (5, 8))])
-def test_the_given_pair_stays_unless_another_is_better_by_more_than_chance(
-    error: float, expected: tuple[int, int]
-) -> None:
-    """A far pair is better by 0.01. The difference from the given one has a standard error of `error`."""
-    scores = np.full((len(APERTURES), len(THRESHOLDS)), 0.5)
-    at = int(np.argmin(np.abs(APERTURES - 1))), int(np.argmin(np.abs(THRESHOLDS)))
-    scores[at], scores[8, 14] = 0.8, 0.81
-    drawn = np.repeat(scores[None], 1000, axis=0)
-    drawn[:, at[0], at[1]] += np.random.default_rng(0).normal(0.0, error, 1000)
-    assert nearest_good_pair(scores, drawn) == expected
-    # an error that all pairs share is no reason to stay
-    shared = scores + np.random.default_rng(1).normal(0.0, 0.03, (1000, 1, 1))
-    assert nearest_good_pair(scores, shared) == (8, 14)
 
 
 def test_spreads_are_those_of_the_readings() -> None:
@@ -195,10 +169,6 @@ def test_echoes_that_are_alike_by_chance_are_no_own_body(seed: int) -> None:
     assert [part.spans(math.radians(75.0)) for part in body] == [True]
 
 
-def test_positions_within_5_cm_are_one_place() -> None:
-    assert place_numbers([(0.0, 0.0), (0.04, 0.0), (1.0, 0.0), (0.0, 0.01)]).tolist() == [0, 0, 1, 0]
-
-
 # Plates: hidden constants are found, or the reason is stated.
 
 
@@ -267,12 +237,6 @@ def test_blanking_by_the_scanner_hides_that_of_the_board() -> None:
     assert found.board == start_board()
 
 
-def test_a_plate_elsewhere_is_refused() -> None:
-    readings = scanned_plate(hidden_board(), 1.0, traces=False)
-    with pytest.raises(NoPlate, match=r"2 m\.mcap: the plate is detected at 0 headings, expected at least 5"):
-        plate_readings("2 m.mcap", readings, 2.0, 0.0, start_board())
-
-
 def test_plates_within_blanking_give_no_levels() -> None:
     scans = plates(hidden_board(), distances=(0.25,))
     with pytest.raises(NoPlate, match=r"no plate is beyond 0\.29 m, where blanking ends"):
@@ -289,42 +253,3 @@ def test_a_plate_has_the_level_of_a_perfect_wall_times_the_beam_there_and_back()
     assert levels.detected_at(-angles) == pytest.approx(expected, abs=0.01)
     # a burst contains other frequencies than its carrier, which matter little in the main lobe
     assert levels.peaks_at(angles[:3]) == pytest.approx(expected[:3], abs=0.1)
-
-
-@pytest.mark.parametrize("name", ["polaroid-6500", "hc-sr04"])
-@pytest.mark.parametrize("distance", [0.6, 2.2])
-def test_a_plate_is_heard_at_the_headings_of_the_prediction(name: str, distance: float) -> None:
-    board = load_board(name)
-    angles = np.radians(np.arange(-44.0, 44.0, 0.5))
-    place = Place("here", (-distance - board.mount.ahead, 0.0))
-    predicted = ~np.isnan(predict_scan(wall_room(), place, board, angles).ranges)
-    over = plate_levels(board, AIR_SPEED, distance).detected_at(angles) - board.threshold_db
-    assert predicted.any()
-    certain = np.abs(over) > 0.2
-    assert certain.mean() > 0.8
-    assert (predicted[certain] == (over[certain] > 0)).all()
-
-
-def test_the_gain_of_the_board_rises_in_steps() -> None:
-    """Between two steps, the level falls with the loss of sound; a step raises it by the height of a step."""
-    board = start_board()
-    near, far = (
-        plate_levels(board, AIR_SPEED, time * AIR_SPEED / 2).peaks_at(np.zeros(1))[0] for time in (0.0054, 0.0070)
-    )
-    ideal = replace(board, receiver=Receiver.FIRST_ECHO)
-    peak = plate_levels(ideal, AIR_SPEED, 0.0054 * AIR_SPEED / 2).peaks_at(np.zeros(1))[0]
-    assert peak == pytest.approx(0.0, abs=0.01)
-    loss = 20 * math.log10(70 / 54) + 1.4 * (0.0070 - 0.0054) * AIR_SPEED
-    assert near - far == pytest.approx(loss, abs=0.2)
-
-
-@pytest.mark.parametrize("aside", [0.0, 0.04])
-def test_levels_to_the_left_are_those_of_the_envelopes_there(aside: float) -> None:
-    """Only a face beside the turning axis has other levels to the left than to the right."""
-    start = load_board("hc-sr04")
-    board = replace(start, mount=start.mount.model_copy(update={"aside": aside}))
-    levels = plate_levels(board, AIR_SPEED, 0.5)
-    left = levels.angles[levels.angles < 0]
-    peaks = 20 * np.log10(plate_envelopes(board, AIR_SPEED, 0.5, left).samples.max(axis=1))
-    assert levels.peaks_at(left) == pytest.approx(np.maximum(peaks, -80.0), abs=1e-9)
-    assert (levels.peaks_at(left) == pytest.approx(levels.peaks_at(-left), abs=1e-9)) == (aside == 0)

@@ -5,7 +5,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
-from threading import current_thread, main_thread
 from types import SimpleNamespace
 from typing import cast
 
@@ -18,29 +17,23 @@ from sonarhw_compare.fit.fitting import (
     fitted_room,
     is_unconstrained,
     shown_mismatches,
-    unexplained,
     warnings_of,
     with_listed_findings,
 )
-from sonarhw_compare.fit.free_walls import corner_moves, with_shifted_walls
-from sonarhw_compare.fit.objective import LEVELS, PROBABILITIES, Objective, Problem, tolerance_prior
-from sonarhw_compare.fit.parameters import Parameter, check_words, present_value, tolerated_parameters, with_priors
+from sonarhw_compare.fit.free_walls import with_shifted_walls
+from sonarhw_compare.fit.objective import LEVELS, PROBABILITIES, Objective, tolerance_prior
+from sonarhw_compare.fit.parameters import Parameter, tolerated_parameters, with_priors
 from sonarhw_compare.fit.quantities import (
     OFFSET,
     SCALE,
     WALL,
     WORDS,
-    BoardQuantity,
     PlaceQuantity,
     X,
-    nearest_temperature,
-    quantity_named,
-    reflectance_of,
     words_of,
 )
-from sonarhw_compare.fit.search import Mixture, averaged, climb, covariance_of, samples_of, underestimated
-from sonarhw_compare.fit.starting import Scores, best_agreement, best_apart, fit_scan, local_maxima
-from sonarhw_compare.match import Summary
+from sonarhw_compare.fit.search import Mixture, averaged, samples_of
+from sonarhw_compare.fit.starting import fit_scan
 from sonarhw_compare.scans import GivenScan
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import Mount, load_board
@@ -126,33 +119,6 @@ def test_what_cannot_be_free_is_refused(free: str, room: Room, message: str) -> 
         free_parameters(free.split(), [""], room, BOARD)
 
 
-def test_each_quantity_reads_back_what_was_put() -> None:
-    here = Place("here", (0.3, 0.4), heading=1.0)
-    for name, value in {"x": 1.5, "y": -2.0, "heading": 3.0}.items():
-        quantity = quantity_named(name)
-        assert isinstance(quantity, PlaceQuantity)
-        assert quantity.value(quantity.put(here, value)) == value
-    for name, value in {"ahead": 0.1, "aside": 0.03, "threshold": -30.0, "aperture": 0.017}.items():
-        quantity = quantity_named(name)
-        assert isinstance(quantity, BoardQuantity)
-        assert quantity.value(quantity.put(BOARD, value)) == value
-    # the offset is a correction of readings, and subtracted from the profile
-    assert OFFSET.value(BOARD) == 0.0
-    assert OFFSET.put(BOARD, 0.005).range_offset == pytest.approx(0.015)
-    (speed,) = free_parameters(["speed"], [""], ROOM, BOARD)
-    room = replace(ROOM, air=speed.quantity.put(ROOM.air, 350.0))  # type: ignore[attr-defined]
-    assert present_value(speed, here, room, BOARD) == pytest.approx(350.0, abs=1e-3)
-    for celsius in (-40.0, -10.0, 20.0, 60.0):
-        assert nearest_temperature(Air(celsius).speed_of_sound, Air(5.0)) == pytest.approx(celsius, abs=1e-5)
-    assert nearest_temperature(Air(-40.0).speed_of_sound - 1.0, Air()) == -40.0
-    # a new reflectance keeps the share of scattered sound
-    rough = replace(ROOM, reflectances=np.array([0.6, 0.8, 0.7]), scattered=np.array([0.3, 0.0, 0.0]))
-    (parameter,) = free_parameters(["reflectance:m0"], [""], rough, BOARD)
-    changed = parameter.quantity.put(rough, {"m0": 0.5})  # type: ignore[attr-defined]
-    assert reflectance_of(changed, "m0") == pytest.approx(0.5)
-    assert changed.scattered[0] / changed.reflectances[0] == pytest.approx(0.5)
-
-
 FREE = ("x", "heading", "temperature")
 
 
@@ -182,34 +148,6 @@ def test_a_prior_is_a_range_or_a_normal_distribution(text: str, prior: tuple[flo
 def test_a_prior_of_a_quantity_is_for_all_scans_and_one_of_a_parameter_for_its_scan() -> None:
     one = with_prior("x=0.1..0.5", "x@B=0.2..0.3", scans=("A", "B"))
     assert (one["x@A"].upper, one["x@B"].upper, one["temperature"].upper) == (0.5, 0.3, 45.0)
-
-
-FORM = r"expected NAME=VALUE\+-DEVIATION, or NAME=LOW..HIGH with LOW below HIGH, and numbers from -1e\+06"
-BEYOND = "expected a deviation of at least 1e-06 and a value from -10 to 45"
-
-
-@pytest.mark.parametrize(
-    ("prior", "message"),
-    [
-        *((f"x={text}", FORM) for text in ("", "1", "2..1", "1..1", "1..", "..1", "0..1.1e6", "-1.1e6+-1", "1+-")),
-        *((f"temperature={text}", BEYOND) for text in ("20+-9e-7", "46+-1", "-11+-1")),
-        ("heading=20+-1e-7", "expected a deviation of at least 1e-06$"),
-        ("y=1..2", r"prior y=1\.\.2: expected NAME=… with a free quantity: x, heading, temperature"),
-    ],
-)
-def test_a_wrong_prior_is_refused_in_one_line(prior: str, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        with_prior(prior)
-    if message == FORM:  # before the parameters exist
-        with pytest.raises(InputError, match=message):
-            check_words(FREE, [prior])
-
-
-def test_a_prior_of_what_is_not_free_is_refused_before_the_fit() -> None:
-    check_words(FREE, ["x=1..2", "x@B=1..2", "temperature=20+-1"])
-    check_words((), ["offset=0+-1"])
-    with pytest.raises(InputError, match=r"prior y=1\.\.2: y is not free; free it too, or use one of x, heading"):
-        check_words(FREE, ["y=1..2"])
 
 
 # The setting of a fit, and what is reported of it.
@@ -248,18 +186,6 @@ def test_a_room_gets_the_fitted_place_temperature_and_reflectance() -> None:
     assert set(fitted_room(SIMPLE, warm, [Place("found", (0.7, 0.1))]).places) == set(SIMPLE.places)
 
 
-def test_a_scan_of_which_few_echoes_match_is_named() -> None:
-    advice = (
-        "of 10 echoes are within 5 cm of the prediction; check the room, the place and the board; "
-        "`sonarhw locate` finds an unknown place"
-    )
-    summary = Summary(10, 10, 9, 0.9, 0.0, None, None, {}, 1.0, 0.0, 0.0, 0.0, 0.0)
-    names = ("good", "bad", "silent", "")
-    scans = [PlacedScan([], Place("", (0.0, 0.0)), name, f"{name}.mcap" if name else "") for name in names]
-    lines = unexplained(scans, [replace(summary, within_5cm=share) for share in (0.61, 0.59, None, 0.0)])
-    assert [str(line) for line in lines] == [f"bad.mcap: only 59% {advice}", f"this scan: only 0% {advice}"]
-
-
 def test_solutions_that_print_alike_are_one_and_a_table_has_two_digits_of_each_deviation() -> None:
     assert warnings_of(heading_fit(359.999, 0.001)) == ()
     (several,) = warnings_of(heading_fit(0.0, 180.0))
@@ -275,11 +201,6 @@ def test_solutions_that_print_alike_are_one_and_a_table_has_two_digits_of_each_d
 
 COVARIANCE = np.array([[4.0, 1.2, 0.0], [1.2, 1.0, -0.1], [0.0, -0.1, 0.25]])
 TOP = np.array([3.0, -2.0, 7.0])
-ALL = np.ones(3, np.bool_)
-
-
-def off_top(*by: float) -> FloatArray:
-    return TOP + np.array(by)
 
 
 class Normal:
@@ -312,84 +233,10 @@ class Normal:
         return cast(Objective, self)
 
 
-def test_a_climb_ends_at_the_maximum_within_the_bounds_and_the_covariance_is_that_of_the_distribution() -> None:
-    assert climb(Normal().objective, off_top(3.0, -2.0, 1.0), ALL) == pytest.approx(TOP, abs=0.02)
-    assert covariance_of(Normal().objective, TOP) == pytest.approx(COVARIANCE)
-    # the best values of the others with the first one at its bound, 1 above its maximum
-    expected = off_top(1.0, *(COVARIANCE[1:, 0] / COVARIANCE[0, 0]))
-    bounded = Normal(lower=4.0).objective
-    assert climb(bounded, off_top(2.0, 1.0, 0.3), ALL, 30) == pytest.approx(expected, abs=0.1)
-    # the mean of the second value, given the two others
-    others = COVARIANCE[np.ix_([0, 2], [0, 2])]
-    found = climb(Normal().objective, off_top(2.0, 1.0, 0.5), np.array([False, True, False]))
-    assert found[[0, 2]].tolist() == [5.0, 7.5]
-    assert found[1] == pytest.approx(TOP[1] + COVARIANCE[1, [0, 2]] @ np.linalg.solve(others, [2.0, 0.5]), abs=0.02)
-    # a value without effect is not changed
-    flat = Normal()
-    flat.precision[2] = flat.precision[:, 2] = 0.0
-    assert climb(flat.objective, off_top(1.0, 1.0, 3.0), ALL) == pytest.approx(off_top(0.0, 0.0, 3.0), abs=0.05)
-
-
-@pytest.mark.parametrize(
-    ("along", "half_width", "found"), [(1.8, 1e3, ""), (2.2, 1e3, "ab"), (20.0, 1e3, "ab"), (20.0, 2.4, "")]
-)
-def test_values_that_can_change_together_by_twice_as_much_as_their_covariance_allows_are_found(
-    along: float, half_width: float, found: str
-) -> None:
-    """The first two values change together by `along` deviations, but not beyond their bounds."""
-    together, apart = np.array([1.0, 1.0, 0.0]) / np.sqrt(2), np.array([1.0, -1.0, 0.0]) / np.sqrt(2)
-    across = 0.01 * np.outer(apart, apart) + np.diag([0.0, 0.0, 1.0])
-    ridge = Normal(along**2 * np.outer(together, together) + across)
-    ridge.problem.bounds = TOP - half_width, TOP + half_width
-    stated = np.outer(together, together) + across
-    assert [one.of for one in underestimated(cast(Problem, ridge.problem), TOP, stated)] == [*found]
-
-
 def drawn(target: Normal, draws: int = 20_000, shares: Callable[[float], None] = lambda _: None) -> FloatArray:
     size = len(target.top)
     start = Mixture(np.ones(1), np.zeros((1, size)), np.eye(size)[None])
     return samples_of(target.objective, start, draws, 1, shares)
-
-
-def correlated(size: int, lower: float = -1e3) -> Normal:
-    """Return unit deviations, neighbours correlated by 0.5."""
-    apart = np.abs(np.subtract.outer(np.arange(size), np.arange(size)))
-    return Normal(0.5**apart, np.zeros(size), lower)
-
-
-def test_samples_of_a_normal_distribution_have_its_deviations_and_correlations() -> None:
-    shares: list[float] = []
-    samples = drawn(correlated(11), shares=shares.append)
-    assert samples.std(axis=0) == pytest.approx(np.ones(11), rel=0.12)
-    assert np.corrcoef(samples, rowvar=False)[0, :3] == pytest.approx([1.0, 0.5, 0.25], abs=0.08)
-    assert shares == sorted(shares)
-    assert (shares[0], shares[-1] <= 1.0, max(np.diff(shares)) < 0.4) == (0.0, True, True)
-
-
-def test_samples_at_bounds_have_the_moments_of_half_and_of_uniform_distributions() -> None:
-    half = drawn(correlated(11, lower=0.0))[:, 0]
-    assert (half.mean(), half.std()) == pytest.approx((np.sqrt(2 / np.pi), np.sqrt(1 - 2 / np.pi)), rel=0.06)
-    # all draws but about one in 60 are beyond a bound; the ensemble was then a few points, which emcee refuses
-    halves = Normal(np.eye(11), np.zeros(11))
-    halves.problem.bounds[0][:6] = 0.0
-    assert drawn(halves).mean(axis=0) == pytest.approx(np.repeat([np.sqrt(2 / np.pi), 0.0], [6, 5]), abs=0.2)
-    box = Normal(1e12 * np.eye(11), np.zeros(11))
-    box.problem.bounds = -np.ones(11), np.ones(11)
-    assert drawn(box).std(axis=0).mean() == pytest.approx(1 / np.sqrt(3), rel=0.04)
-
-
-def test_an_interrupt_of_a_fit_prints_nothing(capfd: pytest.CaptureFixture[str]) -> None:
-    class Interrupted(Normal):
-        def many(self, values: FloatArray) -> FloatArray:
-            if current_thread() is main_thread():  # Python raises it nowhere else
-                raise KeyboardInterrupt
-            return super().many(values)
-
-        smooth = many
-
-    with pytest.raises(KeyboardInterrupt):
-        drawn(Interrupted(np.eye(3), np.zeros(3)))
-    assert capfd.readouterr() == ("", "")
 
 
 # x, two walls with a tolerance of 5 mm, and the turntable's scale with one of 1 %
@@ -451,18 +298,6 @@ def test_a_mismatch_names_what_explains_most_and_what_the_scan_cannot_distinguis
 
 
 # Results do not depend on the rounding of a processor.
-
-
-@pytest.mark.parametrize("seed", range(2))
-def test_which_of_equal_poses_come_first_does_not_depend_on_rounding(seed: int) -> None:
-    """Four poses of a symmetric room have the same score, but for its last digits."""
-    positions = np.array([(x, y) for x in range(4) for y in range(4)], dtype=np.float64)
-    headings, equal = np.arange(180) * (math.tau / 180), np.zeros((16, 180))
-    equal[[5, 6, 9, 10], [0, 45, 90, 135]] = 3.0
-    noise = 1e-12 * np.random.default_rng(seed).uniform(-1, 1, equal.shape)
-    exact, noisy = (Scores(positions, headings, scores, 0.3) for scores in (equal, equal + noise))
-    assert best_apart(noisy, 6) == best_apart(exact, 6)
-    assert local_maxima(noisy, 4, 1.0) == local_maxima(exact, 4, 1.0)
 
 
 @pytest.mark.parametrize("samples", [0, 200])
@@ -558,17 +393,6 @@ def test_a_wall_that_ends_on_another_one_still_ends_on_it(by: float) -> None:
     assert moved.edges.names == drawn_room.edges.names
 
 
-@pytest.mark.parametrize("corner", [(0.0, 0.0), (2.0, 0.5), (1.5, 2.0), (-0.3, 1.6)])
-def test_derivatives_of_corners_are_those_of_finite_differences(corner: tuple[float, float]) -> None:
-    room = closed_room({"a": (0.0, 0.0), "b": (2.0, 0.5), "c": (1.5, 2.0), "d": (-0.3, 1.6)})
-    columns = {0: 0, 1: 1, 3: 2}  # wall c is fixed
-    (row,) = np.flatnonzero((room.walls[:, :2] == corner).all(axis=1))
-    found = corner_moves(room, np.array(corner), columns)
-    for wall, column in columns.items():
-        moved = with_shifted_walls(room, {room.names[wall]: 1e-6}).walls[row, :2]
-        assert found[:, column] == pytest.approx((moved - corner) / 1e-6, abs=1e-5)
-
-
 # The plain fit on a grid.
 
 
@@ -587,16 +411,3 @@ def test_the_plain_fit_finds_heading_offset_and_a_position_nearby() -> None:
     assert (only.offset, only.place.position) == (0.0, FIGURE_9.position)
     with pytest.raises(InputError, match="wind"):
         fit_scan(readings, SIMPLE, FIGURE_9, PAPER, frozenset({"wind"}))
-
-
-@pytest.mark.parametrize(("more", "moved"), [(2, False), (12, True)])
-def test_the_plain_fit_moves_only_for_clearly_more_readings(more: int, moved: bool) -> None:
-    # elsewhere, every prediction is 8 mm longer, so the readings that are 55 mm too long match
-    headings = np.radians(np.arange(0.0, 360.0, 0.5))
-    here, there = 1.0 + 0.3 * np.sin(3 * headings), replace(FIGURE_9, position=(FIGURE_9.position[0] + 0.01, 0.085))
-    too_long = np.zeros(120)
-    too_long[np.arange(20) * 6] = 0.5
-    too_long[np.arange(more) * 6] = 0.055
-    readings = readings_of(headings[::6], here[::6] + too_long) + readings_of(headings[::6], np.full(120, math.nan))
-    fit = best_agreement(readings, [(FIGURE_9, here), (there, here + 0.008)], frozenset({"position"}), PAPER)
-    assert fit.place == (there if moved else FIGURE_9)

@@ -75,11 +75,6 @@ def test_one_reading_gives_the_printed_profiles(degrees: float, far: float) -> N
     assert grid.certainty == pytest.approx(np.where(grid.occupied >= empty, grid.occupied, -empty), abs=1e-9)
 
 
-def test_two_equal_readings_combine_as_independent_probabilities() -> None:
-    once, twice = grid_of((30.0, 0.8)), grid_of((30.0, 0.8), (30.0, 0.8))
-    assert 1 - twice.empty == pytest.approx((1 - once.empty) ** 2)
-
-
 def test_a_grid_has_a_margin_of_20_centimetres_and_at_most_1200_cells_to_a_side() -> None:
     grid = grid_of((0.0, 1.0), cell=0.02)
     left, right, bottom, top = grid.extent
@@ -207,19 +202,10 @@ def test_walls_less_than_a_metre_from_their_corner_are_extended_to_it(gap: float
     assert ends(level, upright) == [[0.2, 1.0, 1.5, 1.0], [1.5, -0.4, 1.5, 1.0]]
 
 
-def test_walls_more_than_a_metre_from_their_corner_are_not_extended() -> None:
-    level, upright = wall((-0.6, 1.0), (0.49, 1.0), 90, 0), wall((1.5, -1.4), (1.5, -0.01), 0, 1)
-    assert ends(level, upright) == [[-0.6, 1.0, 0.49, 1.0], [1.5, -1.4, 1.5, -0.01]]
-
-
 def test_nearly_parallel_walls_do_not_meet() -> None:
     slight = math.tan(math.radians(8))
     level, oblique = wall((0.2, 1.0), (0.8, 1.0), 90, 0), wall((0.9, 1.02), (1.5, 1.02 + 0.6 * slight), 98, 1)
     assert ends(level, oblique)[0] == [0.2, 1.0, 0.8, 1.0]
-
-
-def test_without_walls_there_is_no_room() -> None:
-    assert room_of_features(Features((UP,), (), ())) is None
 
 
 @pytest.mark.parametrize(
@@ -294,27 +280,3 @@ def test_features_are_drawn_at_their_positions() -> None:
         # 8 % of the longer side is left free
         assert axes.get_xlim() == pytest.approx((-0.5 - 0.08 * 3.0, 1.5 + 0.08 * 3.0), abs=0.02)
         assert axes.get_ylim() == pytest.approx((-1.0 - 0.08 * 3.0, 2.0 + 0.08 * 3.0), abs=0.02)
-
-
-def test_features_of_two_places_are_called_possible() -> None:
-    left, _ = draw_map(map_from(2)).axes
-    assert line(left, "possible corner") == [[1.5, 2.0]]
-    assert "corner" not in [one.get_label() for one in left.lines]
-
-
-def test_echoes_that_are_not_determined_make_one_plan() -> None:
-    figure = draw_map(replace(map_from(3), followed_room=None))
-    assert len(figure.axes) == 1
-    (legend,) = figure.legends
-    figure.draw_without_rendering()
-    box = legend.get_window_extent()
-    assert 0 <= box.x0 < box.x1 <= figure.bbox.width
-
-
-def test_the_legend_names_what_is_drawn() -> None:
-    whole = map_from(3)
-    bare = replace(whole.plain, features=Features((), (), ()))
-    for layer, expected in ((whole.plain, {"region of constant depth", "wall", "corner", "edge"}), (bare, set())):
-        (legend,) = draw_map(replace(whole, plain=layer, direct=layer)).legends
-        named = {text.get_text() for text in legend.get_texts()}
-        assert named == expected | {"sensor", "empty", "unknown", "occupied"}

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from scipy.special import j1
 from scipy.stats import norm
-from sonarhw_compare.arcs import POSSIBLE, arcs_of, headings_and_ranges
-from sonarhw_compare.explain import reading_details, region_details
+from sonarhw_compare.arcs import POSSIBLE, arcs_of
+from sonarhw_compare.explain import reading_details
 from sonarhw_compare.fit.objective import make_problem
 from sonarhw_compare.fit.parameters import free_parameters
 from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_compare.locate import PoseSpread
 from sonarhw_compare.map import map_scans
-from sonarhw_compare.match import TOLERANCE, Comparison, Kind, classify, compare_readings, match_readings, roc_area
+from sonarhw_compare.match import TOLERANCE, Comparison, Kind, classify, compare_readings, roc_area
 from sonarhw_compare.regions import Region, mean_run, regions_of
 from sonarhw_compare.rooms.evidence import evidence_of
 from sonarhw_compare.score import (
@@ -28,14 +28,13 @@ from sonarhw_compare.score import (
     match_regions,
     score_comparison,
 )
-from sonarhw_sim.air import Model
 from sonarhw_sim.board.profile import Board, Mount, OwnBodyPart, load_board
-from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, predict_with
+from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
 from sonarhw_sim.predict.room_echoes import EXACT, RoomEchoes
 from sonarhw_sim.room.room import Place, load_room
 
 from sonarhw.readings import Ping, Reading
-from tests.fixtures.predicted_readings import predicted_readings, readings_of
+from tests.fixtures.predicted_readings import readings_of
 from tests.fixtures.rooms_for_tests import polygon_room
 
 ROOM, ARENA = load_room("simple"), load_room("arena")
@@ -77,12 +76,6 @@ def test_figures_count_the_changes_of_the_scan() -> None:
     assert (none.within_5cm, none.median_abs_error_m, none.no_echo_agreement, none.explained) == (None,) * 4
 
 
-def test_the_offset_is_added_to_measured_ranges() -> None:
-    readings = readings_of([math.pi / 2], [0.6])
-    kinds = [compare_readings(readings, ROOM, PLACE, PAPER, offset=by).rows[0].kind for by in (0.057, 0.0)]
-    assert (kinds[0], kinds[1]) == (Kind.MATCH, Kind.SHORT)
-
-
 def test_the_area_under_the_curve_of_silence_is_the_share_of_correctly_ordered_pairs() -> None:
     random = np.random.default_rng(3)
     scores, sounding = random.integers(0, 6, 60).astype(np.float64), random.random(60) < 0.7
@@ -90,16 +83,6 @@ def test_the_area_under_the_curve_of_silence_is_the_share_of_correctly_ordered_p
     pairs = [(a > b) + 0.5 * (a == b) for a in scores[sounding] for b in scores[~sounding]]
     assert roc_area(scores, sounding.tolist()) == pytest.approx(np.mean(pairs))
     assert roc_area(scores, [True] * 60) is roc_area(scores, [False] * 60) is None
-
-
-@pytest.mark.parametrize("name", ["lego-nxt", "paper-b12"])  # one search for all headings, and one for each
-def test_a_heading_has_an_echo_if_its_loudest_path_is_over_the_threshold(name: str) -> None:
-    board = load_board(name)
-    scan = predict_scan(ARENA, ARENA.places["p1"], board, np.radians(np.arange(0, 360, 40.0)))
-    heard = scan.over_threshold >= 0
-    assert (heard == ~np.isnan(scan.ranges)).all()
-    loudest = [max(echo.level_db for echo in scan.ping(k).echoes) for k in np.flatnonzero(heard)]
-    assert scan.over_threshold[heard] + board.threshold_db == pytest.approx(loudest)
 
 
 # Echoes of one reading.
@@ -232,30 +215,6 @@ def test_the_width_of_a_region_follows_from_the_beam() -> None:
     assert math.degrees(widest.width) == pytest.approx(2 * math.degrees(reach), abs=0.5)
 
 
-def test_regions_of_a_scan_show_its_rotation_offset_and_silence() -> None:
-    place = ARENA.places["p3"]
-    ranges = predict_scan(ARENA, place, NXT, HEADINGS).ranges
-    same = compare_regions(compare_readings(readings_of(HEADINGS, ranges), ARENA, place, NXT))
-    assert len(same.pairs) >= 4
-    assert (same.only_measured, same.only_predicted) == ((), ())
-    assert all(one.range == pytest.approx(other.range) and one.rows == other.rows for one, other in same.pairs)
-    turned = predict_scan(ARENA, place, NXT, HEADINGS + math.radians(6)).ranges + 0.02
-    pairs = region_details(compare_readings(readings_of(HEADINGS, turned), ARENA, place, NXT))["pairs"]
-    assert np.median([pair["farther_m"] for pair in pairs]) == pytest.approx(0.02, abs=1e-6)
-    assert np.median([pair["turned_deg"] for pair in pairs]) == pytest.approx(-6, abs=1.6)
-    lost = next(one for one in regions_of(HEADINGS, ranges) if max(one.rows) - min(one.rows) == len(one) - 1)
-    ranges[list(lost.rows)] = math.nan
-    found = compare_regions(compare_readings(readings_of(HEADINGS, ranges), ARENA, place, NXT))
-    assert (found.only_predicted, len(found.pairs)) == ((lost,), len(same.pairs) - 1)
-
-
-def test_two_walls_at_equal_range_are_two_regions() -> None:
-    place = ARENA.places["p1"]  # 30 cm from two walls
-    found = compare_regions(compare_readings(predicted_readings(ARENA, place, NXT, 3.0), ARENA, place, NXT))
-    assert sum(abs(region.range - 0.3) < 0.01 for region, _ in found.pairs) == 2
-    assert (found.parts, found.only_measured, found.only_predicted) == ((), (), ())
-
-
 def arc(begin: float, end: float, distance: float = 1.0) -> Region:
     """Return a region from one heading to another, degrees."""
     return Region((0,), distance, math.radians((begin + end) / 2) % math.tau, math.radians(end - begin))
@@ -318,18 +277,6 @@ def test_readings_of_the_own_body_are_in_no_share_region_fit_or_map() -> None:
     assert (found.echoes, found.undetermined) == (summary.n_echo, 0)
 
 
-def test_the_agreement_on_silence_is_that_without_the_own_body() -> None:
-    angles = np.radians(np.arange(0.0, 360.0, 5.0))
-    ranges = predict_scan(ARENA, HERE, NXT, angles).ranges
-    ranges[8:17], ranges[30:44] = 0.07, np.nan
-    readings, near = readings_of(angles, ranges, ARENA.air.speed_of_sound), replace(BODY, max_range=0.5)
-    of_room = [one for k, one in enumerate(readings) if not 8 <= k < 17]
-    whole, rest = (compare_readings(some, ARENA, HERE, near).summary() for some in (readings, of_room))
-    assert whole.classes["extra"] > 0
-    assert whole.no_echo_agreement == rest.no_echo_agreement
-    assert 0.1 < (whole.no_echo_agreement or 0.0) < 0.99
-
-
 TURNED = Place("", (0.42, 0.42), math.radians(30.0))
 CROOKED = replace(
     NXT.certain,
@@ -372,15 +319,6 @@ def test_the_prediction_and_the_likelihood_of_a_board_explain_what_this_board_me
             assert likelihood(replace(board, **{key: getattr(board, key) + by})) < best - 3, key
 
 
-def test_a_map_is_drawn_with_the_actual_headings_and_ranges() -> None:
-    readings = measured_with(CROOKED)
-    headings, ranges = headings_and_ranges(PlacedScan(readings, TURNED), CROOKED)
-    assert headings[1] - headings[0] == pytest.approx(1.05 * math.radians(4.0))
-    assert math.degrees(headings[0]) == pytest.approx(18.0)
-    expected = [math.nan if one.range is None else (one.range + 0.02) / 1.02 for one in readings]
-    assert ranges == pytest.approx(expected, nan_ok=True)
-
-
 # Probabilities.
 
 
@@ -419,30 +357,3 @@ def test_the_most_probable_reading_is_silence_or_a_range_within_5_cm(
     bins = calibration([(0.31, True), (0.39, False), (1.0, True), (0.95, True), (0.9, False)])
     assert [(one.n, one.observed) for one in bins] == [(2, 0.5), (3, pytest.approx(2 / 3))]
     assert bins[0].stated == pytest.approx(0.35)
-
-
-def test_readings_with_the_stated_spread_are_calibrated_and_score_best() -> None:
-    """Drawn from the fake with a spread of 3 dB; too small and too large a spread score worse."""
-    headings = np.radians(np.tile(np.linspace(-9, 9, 13), 40))
-    true = replace(PAPER, threshold_db=-9.0, threshold_sd_db=3.0, range_sd=0.004)
-    fake, speed = RoomEchoes(WALL, ORIGIN, true, 5, EXACT), WALL.air.speed_of_sound
-    pings = [fake.receive(Ping(float(one), k // 13, 0, 0.03, trace=False)) for k, one in enumerate(headings)]
-    readings = readings_of(
-        headings, [ping.echo_times[0] * speed / 2 if ping.echo_times else np.nan for ping in pings], speed
-    )
-    scores = {}
-    for spread in (0.5, 3.0, 12.0):
-        comparison = compare_readings(readings, WALL, ORIGIN, replace(true, threshold_sd_db=spread))
-        score = score_comparison(comparison, room_tolerance=0.0)
-        scores[spread] = score.log_score or 0.0
-        if spread == 3.0:
-            for one in score.calibration:
-                assert one.observed == pytest.approx(one.stated, abs=3.5 * 0.5 / math.sqrt(one.n))
-    assert scores[3.0] > max(scores[0.5], scores[12.0]) + 0.02
-
-
-def test_simpler_models_are_scored_without_a_spread_of_the_threshold() -> None:
-    scan = predict_with(Model.NEAREST, WALL, ORIGIN, replace(PAPER, threshold_sd_db=3.0), np.zeros(1))
-    comparison = match_readings(readings_of([0.0], [1.5], WALL.air.speed_of_sound), scan)
-    (only,) = score_comparison(comparison, PredictionOptions(), model=Model.NEAREST).calibration
-    assert (only.stated, only.observed) == (pytest.approx(1.0), 1.0)

@@ -8,24 +8,21 @@ from statistics import NormalDist
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
-from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from scipy.signal import hilbert
 from sonarhw_compare import report
-from sonarhw_compare.calibration.room import RoomCalibration
-from sonarhw_compare.drawings import draw_calibration, draw_checked_room, draw_found_room, draw_plan, draw_room
-from sonarhw_compare.edits import add_post, add_wall, move_wall
+from sonarhw_compare.drawings import draw_checked_room, draw_found_room, draw_plan, draw_room
 from sonarhw_compare.fit import PlacedScan
 from sonarhw_compare.match import Comparison, Kind, compare_readings
-from sonarhw_compare.pictures import PREDICTED, envelope_of, shading_around
+from sonarhw_compare.pictures import envelope_of, shading_around
 from sonarhw_compare.report import CLASSES, bscan_png, plan_svg, ranges_svg
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.room import Place, load_room, parse_room
 
-from sonarhw.readings import FloatArray, Origin, Reading, Trace
+from sonarhw.readings import FloatArray, Reading, Trace
 from tests.fixtures.predicted_readings import SPEED, predicted_readings, readings_of
 from tests.fixtures.rooms_for_tests import polygon_room
 
@@ -170,24 +167,6 @@ def test_labels_and_legend_are_inside_the_picture(room_name: str, place: str, bo
         assert (edge == 255).all(), name
 
 
-def test_only_what_was_found_is_dashed() -> None:
-    room = load_room("simple")
-    changed = move_wall(add_wall(room, (0.2, 0.2), (0.4, 0.2), "shelving"), room.names.index("right"), (0.02, 0.0))
-    changed = add_post(changed, (0.3, 0.5), 0.01, "shelving")
-    scan = predict_scan(room, room.places["figure9"], load_board("paper"), np.array([0.0]))
-    figure = draw_plan(scan, changed=changed)
-    (axes,) = figure.axes
-    dashed = [line for line in axes.lines if line.get_linestyle() == "--"]
-    walls = [np.asarray(line.get_xydata()).ravel().tolist() for line in dashed if len(np.asarray(line.get_xdata()))]
-    # the neighbours of the moved wall have only become longer
-    np.testing.assert_allclose(walls, [[0.948, 0.0, 0.948, 0.742], [0.2, 0.2, 0.4, 0.2]])
-    (post,) = (patch for patch in axes.patches if isinstance(patch, Circle))
-    assert (post.center, post.radius, post.get_linestyle()) == ((0.3, 0.5), 0.01, "--")
-    assert "found wall or post" in [text.get_text() for text in figure.legends[0].get_texts()]
-    plain = draw_plan(scan, changed=room)
-    assert "found wall or post" not in [text.get_text() for text in plain.legends[0].get_texts()]
-
-
 @pytest.mark.parametrize(
     ("place", "lines"),
     [
@@ -235,30 +214,6 @@ def test_opacity_is_the_probability_of_the_echo_with_the_spread_of_its_range(ove
     assert not shading.opacities[180].any()  # no wall behind the sensor
 
 
-def pixel(figure: Figure, x: float, y: float) -> tuple[float, ...]:
-    """Return the colour at a point of the plan, m; 0 to 1."""
-    figure.canvas.draw()
-    picture = np.asarray(figure.canvas.buffer_rgba())  # type: ignore[attr-defined]
-    column, row = figure.axes[0].transData.transform((x, y))
-    return tuple(picture[picture.shape[0] - 1 - round(row), round(column), :3] / 255)
-
-
-def test_the_plan_is_shaded_where_an_echo_is_probable() -> None:
-    scan = prediction(5.0)
-    plain, shaded = draw_plan(scan), draw_plan(scan, shading=shading_around(scan))
-    assert [one.get_text() for one in shaded.legends[0].get_texts()][-1] == "probability of a range"
-    assert len(plain.legends[0].get_texts()) == len(shaded.legends[0].get_texts()) - 1
-    # at 20°, the arc of the wall is away from the wall, from marks and from lines of the grid
-    heading = math.radians(20)
-    at = 1.5 * math.cos(heading), 1.5 * math.sin(heading)
-    row = shading_around(scan).opacities[20]
-    expected = row.max() * np.array(to_rgb(PREDICTED)) + (1 - row.max()) * np.ones(3)
-    assert 0.3 < row.max() < 0.7
-    assert pixel(shaded, *at) == pytest.approx(expected, abs=0.05)
-    assert pixel(plain, *at) == (1.0, 1.0, 1.0)
-    assert plain.axes[0].get_xlim() == shaded.axes[0].get_xlim()
-
-
 KNOWN = polygon_room([(0.0, 0.0), (3.0, 0.0), (3.0, 2.0), (0.0, 2.0)])
 
 
@@ -300,23 +255,6 @@ def test_open_ends_and_touches_of_a_known_room_are_drawn(false_scan: PlacedScan)
     on_wall = [np.abs(touched[:, axis] - at) < 1e-6 for axis, at in ((0, 0.0), (0, 3.0), (1, 0.0), (1, 2.0))]
     assert np.any(on_wall, axis=0).all()
     assert np.abs(touched - (1.0, 0.0)).max(axis=1).min() < 1e-6
-
-
-def test_readings_of_a_fake_scanner_are_not_called_measured_and_silence_has_no_range() -> None:
-    room, board = load_room("simple"), load_board("paper")
-    place = room.place("figure9")
-    ranges = np.where(np.arange(36) > 30, math.nan, 0.7)
-    readings = [replace(one, origin=Origin.FAKE) for one in readings_of(np.radians(np.arange(0, 360, 10)), ranges)]
-    shown = (compare_readings(readings, room, place, board),)
-    scans = [PlacedScan(readings, place, "a")]
-    found = RoomCalibration(board, board, scans=scans, given=room, room=room, before=shown, after=shown)
-    figure = draw_calibration(found)
-    figure.draw_without_rendering()
-    assert [text.get_text() for text in figure.legends[0].texts] == ["predicted", "fake (grey band: no echo)"]
-    axes = figure.axes[0]
-    written = {label.get_position()[1]: label.get_text() for label in axes.get_yticklabels()}
-    assert min(written) < 0
-    assert all((text == "") == (value < 0) for value, text in written.items())
 
 
 SQUARE = """

@@ -1,27 +1,23 @@
 """Rooms found from scans, and causes of misfits: known changes, derivatives, stated uncertainties and right angles."""
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import tomlkit
 from sonarhw_compare.fit import PlacedScan
-from sonarhw_compare.locate import UNKNOWN, Pose, PoseSpread
-from sonarhw_compare.rooms import search
+from sonarhw_compare.locate import Pose, PoseSpread
 from sonarhw_compare.rooms.candidates import Touches
 from sonarhw_compare.rooms.causes import MovedWall, NewPost, NewWall, OtherReflectance, find_causes
-from sonarhw_compare.rooms.draft import DraftEnd, DraftPost, DraftWall, RoomDraft, draft_of_room, meeting
-from sonarhw_compare.rooms.evidence import FOLLOWED, ROUGH, Course, Evidence, evidence_of, scored
+from sonarhw_compare.rooms.draft import DraftEnd, DraftPost, DraftWall, RoomDraft, draft_of_room
+from sonarhw_compare.rooms.evidence import FOLLOWED, ROUGH, Evidence, evidence_of, scored
 from sonarhw_compare.rooms.outcome import found_room, found_room_figures, found_room_text, next_places
-from sonarhw_compare.rooms.refinement import Move, deviations_of, moves_of, range_errors, refined, shifts_of
-from sonarhw_compare.rooms.search import FoundRoom, find_room_and_poses, squared
+from sonarhw_compare.rooms.refinement import Move, deviations_of, moves_of, range_errors, refined
+from sonarhw_compare.rooms.search import FoundRoom, squared
 from sonarhw_sim.air import Air, Receiver
 from sonarhw_sim.board.profile import Board, load_board
-from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
-from sonarhw_sim.room.room import Place, Room, load_room, parse_room
+from sonarhw_sim.room.room import Place, load_room, parse_room
 
 from sonarhw.errors import InputError
 from tests.fixtures.predicted_readings import predicted_readings, predicted_scan, readings_of
@@ -140,50 +136,6 @@ def test_a_changed_room_is_the_room_of_its_text(change: Change) -> None:
 # Drafts of rooms.
 
 
-FLAT = DraftWall((1.0, 0.0), 0.0, (DraftEnd(-1.0), DraftEnd(0.5, 1)))
-UPRIGHT = DraftWall((2.0, 1.0), math.pi / 2, (DraftEnd(-0.5, 0), DraftEnd(1.0)))
-CORNER = RoomDraft((), {0: FLAT, 1: UPRIGHT})
-
-
-@pytest.mark.parametrize(
-    ("draft", "segments"),
-    [
-        (CORNER, [[0, 0, 2, 0], [2, 0, 2, 2]]),
-        (CORNER.with_wall(1, UPRIGHT.moved(0.25, 0.0)), [[0, 0, 1.75, 0], [1.75, 0, 1.75, 2]]),
-        (CORNER.without_wall(1), [[0, 0, 2, 0]]),  # an end stays where it is when the wall that it met goes
-        (
-            # a gap divides a wall and its corner
-            CORNER.with_wall(0, FLAT.with_end(1, DraftEnd(-0.2)))
-            .with_new_wall(FLAT.with_end(0, DraftEnd(0.2)))[0]
-            .with_meeting_moved(0, 2, 0.2),
-            [[0, 0, 0.8, 0], [2, 0, 2, 2], [1.2, 0, 2, 0]],
-        ),
-    ],
-    ids=["corner", "moved", "alone", "gap"],
-)
-def test_walls_of_a_draft_meet_where_their_lines_cross(draft: RoomDraft, segments: list[list[float]]) -> None:
-    assert np.allclose(draft.segments, segments)
-    assert meeting(FLAT, FLAT.moved(1.0, math.radians(3))) is None  # parallel walls do not meet
-    twins = CORNER.with_wall(2, UPRIGHT.moved(0.02, 0.0))
-    assert twins.without_wall(1).walls[0].ends[1].meets == 2
-
-
-def test_an_edited_room_is_a_draft_with_its_corners() -> None:
-    room = replace(CORNER, posts=(DraftPost((1.0, 1.0), 0.1),)).room(Air())
-    assert (room.names[:2], "wall 1/wall 2" in room.edges.names) == (("wall 1", "wall 2"), True)
-    draft = draft_of_room(room)
-    assert np.allclose(draft.segments, room.walls)
-    assert draft.posts == (DraftPost((1.0, 1.0), 0.1),)
-    assert [[end.meets for end in wall.ends] for wall in draft.walls.values()] == [[None, 1], [0, None]]
-    # the crossing of two lines, computed from either, differs by rounding; two free ends would diffract there
-    corners = [(0.1, 0.2), (2.3, 0.5), (2.7, 1.9), (1.1, 2.6), (0.3, 1.7)]
-    drawn = draft_of_room(polygon_room(corners))
-    turned = replace(drawn, walls={key: wall.moved(0.0, 1e-4 * key) for key, wall in drawn.walls.items()})
-    for one in (drawn, turned):
-        assert len(one.room(Air()).edges) == len(polygon_room(corners).edges)
-
-
-STANDS, STEP = (2.1, 1.0), 1e-4  # m or rad
 MOVES = [*(Move("wall", key, part) for key in (0, 4) for part in (0, 1)), Move("wall", 5, 2), Move("wall", 5, 3)]
 MOVES += [Move("post", 0, part) for part in range(3)]
 
@@ -198,30 +150,6 @@ def furnished() -> RoomDraft:
     walls[4] = DraftWall((1.2, 2.2), math.radians(20), (DraftEnd(-0.4), DraftEnd(0.4)))
     walls[5] = DraftWall((3.0, 0.8), math.radians(100), (DraftEnd(-0.5), DraftEnd(0.5)))
     return RoomDraft((), walls, (DraftPost((2.6, 2.3), 0.05),))
-
-
-def lengths_by_way(paths: Paths, room: Room) -> dict[tuple[str, ...], list[float]]:
-    """Return the lengths of all paths by the names of what they touch."""
-    found: dict[tuple[str, ...], list[float]] = {}
-    for row, length in enumerate(paths.lengths.tolist()):
-        found.setdefault(paths.via(row, room), []).append(length)
-    return found
-
-
-@pytest.mark.parametrize("move", MOVES, ids=lambda move: f"{move.what}{move.which}-{move.part}")
-def test_a_path_gets_longer_by_what_a_new_search_says(move: Move) -> None:
-    searched = PathSearch(max_length=8.0, wavelength=0.007, max_bounces=2, rays=1440)
-    room, changed = (move.of(furnished(), by).room(Air()) for by in (0.0, STEP))
-    paths = find_paths(room, STANDS, searched)
-    before, after = lengths_by_way(paths, room), lengths_by_way(find_paths(changed, STANDS, searched), changed)
-    slopes, grown = shifts_of(furnished(), [move]), []
-    for row in range(len(paths)):
-        way = paths.via(row, room)
-        if len(before[way]) == len(after.get(way, [])) == 1:  # else the way exists in one room only, or twice
-            grown.append(float(slopes.of_length(paths.outline(row))[0]) * STEP)
-            assert after[way][0] - before[way][0] == pytest.approx(grown[-1], abs=2e-6)
-    assert len(grown) > 20
-    assert np.abs(grown).max() > 0.3 * STEP  # some path touches what is moved
 
 
 # Refinement by ranges, and what is stated about it.
@@ -331,48 +259,6 @@ def test_an_oblique_wall_is_turned_to_right_angles_unless_the_scans_contradict(
 # Scans whose poses are not known.
 
 
-def with_answers(
-    monkeypatch: pytest.MonkeyPatch,
-    shares: dict[int, list[float]],
-    poses: dict[int, tuple[Pose, ...]] | None = None,
-    worth: Callable[[float], float] = lambda _x: 0.0,
-    foreign: str = "",
-) -> list[list[str]]:
-    """Let the room explain these shares of each waiting scan, one after the other; return the scans of each room.
-
-    The room explains 0.8 of each scan that it is made of, or the last of its shares. A scan has one pose, at its
-    number, if `poses` has no others. `worth` is that of a room, by x of its last scan, plus 20 for each scan. A scan
-    alone is worth 16, but each of the foreign ones adds only 15 to a room.
-    """
-    rooms: list[list[str]] = []
-
-    def find_room(
-        given: list[PlacedScan], _board: object, _air: object, _spreads: object, tick: Callable[[float], None],
-        course: Course, _: object,
-    ) -> FoundRoom:  # fmt: skip
-        rooms.append([scan.title for scan in given])
-        explained = [shares.get(int(scan.title), [0.8])[-1] for scan in given]
-        touches = Touches({}, (), (100,) * len(given), tuple(round(100 * (1 - share)) for share in explained))
-        draft = RoomDraft(tuple(scan.place for scan in given))
-        tick(0.5)
-        course.accept(draft)
-        tick(1.0)
-        added = sum(15.0 if scan.title in foreign else 20.0 for scan in given)
-        return FoundRoom(draft, {}, touches, worth(given[-1].place.position[0]) + added)
-
-    def locate_scan(readings: list[object], *_: object, tick: Callable[[float], None], **__: object) -> object:
-        tick(1.0)
-        k = readings[0].number  # type: ignore[attr-defined]
-        share = shares[k].pop(0) if len(shares[k]) > 1 else shares[k][0]
-        probable = (poses or {}).get(k, (pose(float(k)),))
-        return SimpleNamespace(explained=share, poses=probable, peaks=[(float(k), 0.0, 0.1)])
-
-    monkeypatch.setattr(search, "find_room", find_room)
-    monkeypatch.setattr(search, "locate_scan", locate_scan)
-    monkeypatch.setattr(search, "worth_alone", lambda *_: 16.0)
-    return rooms
-
-
 def pose(x: float, probability: float = 1.0) -> Pose:
     return Pose((x, 0.0), 0.1, 0.0, probability, (0.01, 0.01, 0.01))
 
@@ -381,32 +267,6 @@ def scans(count: int) -> list[PlacedScan]:
     """Return scans with their number as title, and as number of their only reading."""
     one = readings_of([0.0], [math.nan])[0]
     return [PlacedScan((replace(one, number=k),), Place("", (0.0, 0.0)), str(k), str(k)) for k in range(count)]
-
-
-def test_well_explained_scans_come_first_then_the_best_and_foreign_ones_never(monkeypatch: pytest.MonkeyPatch) -> None:
-    # the room explains 0.8 of its own scans: 0.72 is enough at once; what explains a scan alone as well never is
-    shares = {1: [0.75, 0.8], 2: [0.65, 0.65, 0.8], 3: [0.7], 4: [0.74, 0.8]}
-    rooms, progress = with_answers(monkeypatch, shares, foreign="3"), []
-    result = find_room_and_poses(scans(5), BOARD, Air(), [PoseSpread(), *[UNKNOWN] * 4], progress.append)
-    assert rooms[:4] == [["0"], ["0", "1", "4"], ["0", "1", "3", "4"], ["0", "1", "2", "4"]]
-    assert [scan.place.position[0] for scan in result.scans] == [0.0, 1.0, 2.0, 4.0]
-    assert (result.left_out, [*result.poses]) == (("3",), ["1", "2", "4"])
-    # the share never decreases, and moves in each room, also in those that are rejected
-    assert (np.diff(progress).min() >= 0.0, progress[-1], len(set(progress)) > 10) == (True, 1.0, True)
-
-
-@pytest.mark.parametrize("right", [5.0, 7.0])
-def test_of_similar_poses_that_whose_room_explains_all_scans_best_is_taken(
-    monkeypatch: pytest.MonkeyPatch, right: float
-) -> None:
-    poses = {1: (pose(5.0, 0.6), pose(7.0, 0.4))}
-    with_answers(monkeypatch, {1: [0.8]}, poses, lambda x: 100.0 if x == right else 0.0)
-    seen: list[float] = []
-    course = Course(accepted=lambda draft: seen.append(draft.places[-1].position[0]))
-    result = find_room_and_poses(scans(2), BOARD, Air(), [PoseSpread(), UNKNOWN], course=course)
-    assert [scan.place.position[0] for scan in result.scans] == [0.0, right]
-    assert [found.probability for found in result.poses["1"]] == [0.6, 0.4]
-    assert set(seen) == {0.0, right}  # rooms of tried poses are reported only if they are taken
 
 
 # What is reported of a found room.

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from PIL import Image
 from sonarhw_compare.film import FilmTiming, caption_at
 from sonarhw_compare.picture_file import FILMS, check_film, write_film
-from sonarhw_compare.sound import PlayedPing, counted_position, front_at, moment_at, position_at, stretch_between
+from sonarhw_compare.sound import PlayedPing, counted_position, front_at, moment_at, position_at
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.room import load_room
@@ -29,24 +29,10 @@ SCAN = predict_scan(ROOM, PLACE, load_board("paper"), np.radians([270.0, 33.0]))
 WIDTH, HEIGHT = 0.928, 0.742
 
 
-L_SHAPED = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 4.0]])
-
-
 def folded(value: float, size: float) -> float:
     """Return the coordinate inside a room of walls at 0 and `size` of a point that went straight through them."""
     value = value % (2 * size)
     return min(value, 2 * size - value)
-
-
-def test_positions_along_two_legs() -> None:
-    for travelled, expected in ((-1.0, (0, 0)), (1.5, (1.5, 0)), (3.0, (3, 0)), (5.0, (3, 2)), (9.0, (3, 4))):
-        assert position_at(L_SHAPED, travelled) == pytest.approx(np.array(expected))
-
-
-def test_a_stretch_keeps_the_corner() -> None:
-    assert stretch_between(L_SHAPED, 2.0, 4.0) == pytest.approx(np.array([[2, 0], [3, 0], [3, 1]]))
-    assert len(stretch_between(L_SHAPED, 8.0, 9.0)) == 0
-    assert stretch_between(L_SHAPED, -1.0, 1.0) == pytest.approx(np.array([[0, 0], [1, 0]]))
 
 
 @given(share=st.floats(0.001, 1.0), row=st.integers(0, len(SCAN.paths) - 1))
@@ -84,13 +70,6 @@ def test_the_false_wall_is_detected_when_its_sound_returns() -> None:
     assert head == pytest.approx(np.array([0.774, 0.3]), abs=1e-6)
     assert counted_position(ping, returned) == pytest.approx(np.array([0.774, 0.085 - 0.827]), abs=1e-6)
     assert counted_position(ping, 1.0) == pytest.approx(counted_position(ping, returned))
-
-
-def test_every_echo_over_the_threshold_travels() -> None:
-    some, every = PlayedPing(SCAN, 1), PlayedPing(SCAN, 1, every=True)
-    assert len(some.ways) < len(every.ways)
-    assert every.duration > some.duration
-    assert all(not way.echo.too_weak for way in every.ways[1:])
 
 
 ROOM = load_room("rooms/simple.toml")

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 from scipy.special import h1vp, hankel1, jv, jvp
 from sonarhw_sim.air import EdgeStrength
@@ -63,33 +63,6 @@ def test_specular_paths_are_those_of_image_sources() -> None:
     assert invented == 0
 
 
-def test_rectangle_has_the_paths_of_its_image_lattice() -> None:
-    room = load_room("rooms/simple.toml")
-    (x, y), reach = room.places["figure9"].position, 8.0
-    lattice = []
-    for i in range(-20, 21):
-        for j in range(-20, 21):
-            dx = i * 0.928 + (0.0 if i % 2 == 0 else 0.928 - 2 * x)
-            dy = j * 0.742 + (0.0 if j % 2 == 0 else 0.742 - 2 * y)
-            if (i, j) != (0, 0) and math.hypot(dx, dy) <= reach:
-                lattice.append(math.hypot(dx, dy))
-    found = find_paths(room, (x, y), PathSearch(reach, WAVELENGTH, diffraction=False)).lengths
-    assert len(found) == len(lattice)
-    assert missing_from(found, np.array(sorted(lattice))) == 0
-
-
-@pytest.mark.parametrize("divisor", [2, 4, 6])
-def test_corner_of_an_even_divisor_returns_sound_along_its_path(divisor: int) -> None:
-    opening = math.pi / divisor
-    room = polygon_room([(2.0, 0.0), (0.0, 0.0), (2 * math.cos(opening), 2 * math.sin(opening))], closed=False)
-    here = 1.3 * np.array([math.cos(opening * 0.37), math.sin(opening * 0.37)])
-    paths = find_paths(room, (float(here[0]), float(here[1])), PathSearch(6.0, WAVELENGTH))
-    back = [k for k in range(len(paths)) if paths.bounces[k] == divisor and abs(paths.lengths[k] - 2.6) < 1e-9]
-    assert len(back) == 1
-    assert paths.arrivals[back[0]] == pytest.approx(paths.departures[back[0]], abs=1e-9)
-    assert not any(paths.edges[k] >= 0 and abs(paths.lengths[k] - 2.6) < 1e-9 for k in range(len(paths)))
-
-
 def test_free_wall_end_diffracts_with_the_papers_factor() -> None:
     room = polygon_room([(0.35, 0.0), (1.0, -0.4)], closed=False)
     paths = find_paths(room, (0.0, 0.0), PathSearch(0.8, WAVELENGTH, edge_strength=EdgeStrength.PAPER))
@@ -104,68 +77,6 @@ def test_convex_corner_diffracts_from_outside_only() -> None:
     inside = find_paths(polygon_room(box), (1.4, 0.1), PathSearch(4.0, WAVELENGTH))
     assert (outside.edges >= 0).any()
     assert not (inside.edges >= 0).any()
-
-
-def test_screen_narrower_than_the_ray_spacing_hides_the_wall() -> None:
-    screen = '[[walls]]\nname = "screen"\npoints = [[-0.0005, 1.0], [0.0005, 1.0]]\nmaterial = "hard"'
-    room = polygon_room([(-2.0, 2.0), (2.0, 2.0)], closed=False, extra=screen)
-    paths = find_paths(room, (0.0, 0.0), specular(4.5))
-    assert ("w[0]",) not in [paths.via(k, room) for k in range(len(paths))]
-
-
-def test_edge_behind_a_wall_has_no_path() -> None:
-    fin = '[[walls]]\nname = "fin"\npoints = [[2.0, 0.1], [2.0, 1.0]]\nmaterial = "hard"'
-    room = polygon_room([(1.0, -1.0), (1.0, 1.0)], closed=False, extra=fin)
-    paths = find_paths(room, (0.0, 0.0), PathSearch(6.0, WAVELENGTH))
-    assert {paths.via(k, room)[-1] for k in range(len(paths))} == {"w[0]", "w[0]/"}
-
-
-def test_second_wall_flush_with_the_first_changes_nothing() -> None:
-    square = [(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)]
-    board = '[[walls]]\nname = "board"\npoints = [[0.2, 2.0], [1.8, 2.0]]\nmaterial = "hard"'
-    plain, boarded, doubled = (
-        find_paths(polygon_room(square, extra=extra), (0.7, 0.6), PathSearch(9.0, WAVELENGTH)).lengths
-        for extra in ("", board, board.replace("0.2", "0.0").replace("1.8", "2.0"))
-    )
-    assert boarded == pytest.approx(plain, abs=1e-9)
-    assert doubled == pytest.approx(plain, abs=1e-9)
-
-
-def test_edge_along_its_own_wall_has_no_path() -> None:
-    room, search = polygon_room([(1.0, 0.0), (2.0, 0.0)], closed=False), PathSearch(6.0, WAVELENGTH)
-    # edge-on, a plate is silent by the uniform theory
-    assert len(find_paths(room, (0.0, 0.0), search)) == 0
-    paths = find_paths(room, (0.0, 0.0), replace(search, edge_strength=EdgeStrength.PAPER))
-    assert paths.lengths == pytest.approx([2.0])
-
-
-def test_sound_spread_by_a_thin_post_reaches_edges_in_all_directions() -> None:
-    """The shortest path over the post to the free end of a wall and straight back, by Fermat's principle."""
-    post = (1.0, 0.0, 0.01)
-    angles = np.radians([40, 70, 100, 125, 235, 260, 290, 320])
-    tips = np.column_stack((1.0 + 1.5 * np.cos(angles), 1.5 * np.sin(angles)))
-    outer = np.column_stack((1.0 + 2.5 * np.cos(angles), 2.5 * np.sin(angles)))
-    room = room_of(np.hstack((tips, outer)), [post])
-    paths = find_paths(room, (0.0, 0.0), PathSearch(12.0, WAVELENGTH, 1, True, 5760, EdgeStrength.PAPER, 1e-6))
-    number = len(room.walls)
-    found = {}
-    for row in range(len(paths)):
-        if paths.edges[row] >= 0 and paths.bounces[row] == 1 and paths.surfaces[row, 0] == number:
-            found.setdefault(int(paths.edges[row]), []).append(float(paths.lengths[row]))
-
-    for x, y in tips.tolist():
-        (edge,) = [k for k, at in enumerate(room.edges.points.tolist()) if math.dist(at, (x, y)) < 1e-9]
-
-        def length(turn: float, x: float = x, y: float = y) -> float:
-            px, py = 1.0 + 0.01 * math.cos(turn), 0.01 * math.sin(turn)
-            return math.hypot(px, py) + math.hypot(px - x, py - y) + math.hypot(x, y)
-
-        middle = (math.pi + math.atan2(y, x - 1.0)) / 2 + (math.pi if y < 0 else 0.0)
-        shortest = minimize_scalar(
-            length, bounds=(middle - 1.0, middle + 1.0), method="bounded", options={"xatol": 1e-12}
-        ).fun
-        # there over the post, and back over it
-        assert found[edge] == pytest.approx([shortest] * 2, abs=1e-9)
 
 
 # Edges by the factor of the paper and by angle.
@@ -192,11 +103,6 @@ def test_reflections_before_and_after_an_edge_are_found() -> None:
     assert lengths[("w[0]", "fin[0]/")] == pytest.approx(straight + mirrored)
     assert lengths[("fin[0]/", "w[0]")] == pytest.approx(straight + mirrored)
     assert lengths[("w[0]", "fin[0]/", "w[0]")] == pytest.approx(2 * mirrored)
-
-
-def test_gain_of_unequal_legs_is_that_of_their_harmonic_mean() -> None:
-    assert edge_gain(0.35, 0.35, WAVELENGTH) == pytest.approx(10 ** (-33.0 / 20), rel=0.01)
-    assert edge_gain(0.2, 0.6, WAVELENGTH) == pytest.approx(edge_gain(0.3, 0.3, WAVELENGTH))
 
 
 @pytest.mark.parametrize("strength", EdgeStrength)
@@ -436,44 +342,12 @@ def test_no_millimetre_decides_between_the_wall_and_silence() -> None:
         assert max(abs(b - a) for a, b in itertools.pairwise(levels)) < 2.5
 
 
-def cluttered() -> tuple[np.ndarray, np.ndarray]:
-    """Return a room with legs, a cable and two screens: walls and posts."""
-    corners = np.array([(-1.0, -0.9), (1.3, -0.9), (1.3, 1.1), (-1.0, 1.1)])
-    walls = np.hstack((corners, np.roll(corners, -1, axis=0)))
-    screens = np.array([[0.5, 0.1, 0.52, 0.14], [-0.4, 0.5, -0.9, 0.55]])
-    posts = np.array([[0.3, -0.4, 0.02], [0.45, -0.62, 0.012], [-0.5, -0.2, 0.002], [0.1, 0.6, 0.006]])
-    return np.vstack((walls, screens)), posts
-
-
 def levels(paths: Paths) -> np.ndarray:
     """Return the length, gain and phase of all paths over -50 dB, shortest and loudest first."""
     loud = np.flatnonzero(paths.gains > 10 ** (-50 / 20))
     turns = np.exp(1j * paths.phases[loud])
     rows = np.column_stack((np.round(paths.lengths[loud], 7), paths.gains[loud], turns.real, turns.imag))
     return rows[np.lexsort((np.round(rows[:, 1], 6), rows[:, 0]))]
-
-
-def turned_room(angle: float) -> Room:
-    walls, posts = cluttered()
-    turn = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
-    return room_of((walls.reshape(-1, 2) @ turn).reshape(-1, 4), np.column_stack((posts[:, :2] @ turn, posts[:, 2])))
-
-
-SEARCH_PAST = PathSearch(5.0, WAVE, max_bounces=3, faintest_diffraction=1e-3)
-
-
-def test_turning_the_room_changes_no_path() -> None:
-    straight = levels(find_paths(turned_room(0.0), (0.0, 0.0), SEARCH_PAST))
-    turned = levels(find_paths(turned_room(math.radians(17.3)), (0.0, 0.0), SEARCH_PAST))
-    assert len(straight) > 50
-    assert turned == pytest.approx(straight, abs=1e-6)
-
-
-def test_exchanging_both_ends_changes_no_path() -> None:
-    room, here, there = turned_room(0.0), (0.0, 0.0), (0.2, 0.3)
-    out = levels(find_paths(room, here, SEARCH_PAST, there))
-    assert len(out) > 50
-    assert levels(find_paths(room, there, SEARCH_PAST, here)) == pytest.approx(out, abs=1e-6)
 
 
 # Limits that hold before memory is allocated.

@@ -2,19 +2,18 @@
 
 import math
 from dataclasses import replace
-from itertools import groupby
 from typing import Any
 
 import numpy as np
 import pytest
 from sonarhw_sim import Ring
-from sonarhw_sim.air import Air, EdgeStrength, Model, Receiver, Unit, absorption
-from sonarhw_sim.board.beam import BoolArray, beam, beam_gain, beam_table, sums_of_arrivals, together
-from sonarhw_sim.board.profile import Board, Mount, load_board
+from sonarhw_sim.air import Air, Model, Receiver, Unit, absorption
+from sonarhw_sim.board.beam import beam, beam_gain, beam_table, sums_of_arrivals, together
+from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.predict.predicted_scan import PredictedScan, nearest_paths
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, predict_with
 from sonarhw_sim.predict.room_echoes import plate_echo
-from sonarhw_sim.room.room import Place, Room, load_room, parse_room, with_material
+from sonarhw_sim.room.room import Place, Room, load_room, with_material
 
 import sonarhw
 from sonarhw import InputError
@@ -57,19 +56,6 @@ def test_figure_8_reads_past_the_unit_only_if_sound_passes_it() -> None:
     assert not any(echo.range == pytest.approx(1.022) for echo in blocking.ping(0).echoes)
 
 
-@pytest.mark.parametrize("place", ["figure12", "figure13"])
-def test_right_angle_corner_is_a_wall_with_one_hole_at_each_side(place: str) -> None:
-    room = load_room("rooms/right_corner.toml")
-    scan = predict_scan(room, room.places[place], PAPER, np.radians(np.arange(-30, 120, 3.0)))
-    corner = next(k for k in range(len(scan.paths)) if len(scan.paths.via(k, room)) == 2)
-    detected = [(first >= 0, first == corner) for first in scan.winners]
-    runs = [key for key, _ in groupby(detected)]
-    at = runs.index((True, True))
-    assert runs[at - 2 : at + 3] == [(True, False), (False, False), (True, True), (False, False), (True, False)]
-    reach = math.dist(room.places[place].position, (0.8, 0.8))
-    assert np.nanmax(np.abs(scan.ranges[scan.winners == corner] - reach)) < 1e-9
-
-
 def test_no_echo_within_blanking_beyond_the_range_or_below_the_threshold() -> None:
     board = replace(PAPER, max_range=1.5)
     scan = predict_scan(ROOM, ROOM.places["figure9"], board, np.radians(np.arange(0, 360, 1.0)))
@@ -91,15 +77,6 @@ def test_fixed_gain_leaves_spreading_and_absorption_in_the_level() -> None:
         assert scan.ping(0).echoes[0].level_db == pytest.approx(20 * math.log10(room.reflectances[0]) - lost, abs=1e-9)
 
 
-def test_search_heading_by_heading_finds_all_echoes_with_a_fixed_gain() -> None:
-    board = replace(load_board("hc-sr04"), fixed_gain=True, threshold_db=-16.0)
-    off_axis = replace(board, mount=Mount(ahead=1e-9))
-    arena, headings = load_room("rooms/arena.toml"), np.radians(np.arange(0, 360, 11.0))
-    together, by_heading = (predict_scan(arena, arena.places["p1"], b, headings) for b in (board, off_axis))
-    assert by_heading.ranges == pytest.approx(together.ranges, abs=1e-6, nan_ok=True)
-    assert 3 < np.isnan(together.ranges).sum() < len(headings) / 2
-
-
 def test_an_edge_is_a_reflection_in_the_model_of_single_reflections() -> None:
     """Sound reflected by one wall and bent by the end of another is left out, whichever the end."""
     room = room_of([[1.0, -1.0, 1.0, 0.3], [-1.0, -2.0, -1.0, 2.0]])
@@ -116,25 +93,6 @@ def test_beam_between_the_nodes_of_its_table_is_the_closed_form(ka: float) -> No
     angles = np.linspace(-math.pi, math.pi, 2001)
     interpolated = [beam(math.cos(angle), ka, beam_table(ka)) for angle in angles]
     assert interpolated == pytest.approx(beam_gain(angles, ka), abs=1e-8)
-
-
-def test_noise_depends_on_the_heading_only_and_is_the_same_after_a_full_turn() -> None:
-    options = PredictionOptions(noise=0.01, receiver=Receiver.BOARD)
-    board = load_board("polaroid-6500")
-
-    def noise(*headings: float) -> list[FloatArray]:
-        scan = predict_scan(ROOM, ROOM.places["figure9"], board, np.array(headings), options)
-        quiet = replace(scan, noise=0.0)
-        return [
-            np.asarray(scan.ping(k).signal(0.02).envelope().samples - quiet.ping(k).signal(0.02).envelope().samples)
-            for k in range(len(headings))
-        ]
-
-    (alone,), (first, other, turned) = noise(0.5), noise(0.5, 0.5001, 0.5 + math.tau)
-    assert np.abs(alone).max() > 0.001
-    np.testing.assert_allclose(first, alone, atol=1e-12)
-    np.testing.assert_allclose(turned, alone, atol=1e-9)
-    assert abs(np.corrcoef(other, alone)[0, 1]) < 0.5
 
 
 # Arrivals that coincide are added with their phases.
@@ -212,19 +170,6 @@ def test_sum_depends_on_the_difference_of_the_paths_in_wavelengths(apart: float,
     assert alone == pytest.approx([1, 1])
 
 
-def test_profile_of_the_paper_detects_each_path_alone() -> None:
-    for name in ("paper", "paper-b12"):
-        board = load_board(name)
-        assert board.edge_strength is EdgeStrength.PAPER
-        assert not board.sum_arrivals
-    assert BOARD.edge_strength is EdgeStrength.UNIFORM
-    room = corner(60.0)
-    alone = scan_at(room, 0.3, load_board("paper"))
-    amplitudes = alone.paths.gains
-    levels = alone.ping(0).levels
-    assert (levels <= 20 * np.log10(amplitudes) + 1e-9).all()
-
-
 # The echo nearest to a measured range.
 
 
@@ -274,40 +219,6 @@ def test_the_nearest_echo_is_that_of_a_search_among_all(scan: PredictedScan) -> 
 
 
 DISTANCE = 1.3
-
-
-ONE_WALL = f"""
-name = "One wall"
-[materials.perfect]
-reflectance = 1.0
-[[walls]]
-name = "wall"
-points = [[{DISTANCE}, -20.0], [{DISTANCE}, 20.0]]
-material = "perfect"
-[places.here]
-position = [0.0, 0.0]
-"""
-
-
-STEP = math.radians(0.1)
-
-
-@pytest.mark.parametrize("name", ["polaroid-6500", "hc-sr04"])
-def test_the_arc_is_that_of_a_predicted_scan(name: str) -> None:
-    room, board = parse_room(ONE_WALL, "one wall"), load_board(name)
-    headings = np.arange(-900, 900) * STEP
-    ranges = predict_scan(room, room.place("here"), board, headings).ranges
-    echo = plate_echo(board, room.air, DISTANCE)
-    assert echo.arc == pytest.approx(lobe(~np.isnan(ranges)), abs=2 * STEP)
-    assert echo.early_arc == pytest.approx(lobe(ranges <= DISTANCE + echo.delay + 0.004), abs=2 * STEP)
-    # at a quarter of the arc to each side, half of the middle is later
-    assert ranges[900 + round(echo.arc / 8 / STEP)] == pytest.approx(DISTANCE + echo.delay, abs=1e-4)
-
-
-def lobe(detected: BoolArray) -> float:
-    """Return the width of the main lobe, rad, from detections at each heading, (1800,)."""
-    right, left = np.flatnonzero(~detected[900:])[0], np.flatnonzero(~detected[:901][::-1])[0]
-    return float((right + left) * STEP)
 
 
 def test_only_the_own_receiver_of_a_board_delays_an_echo_and_faint_ones_more() -> None:

@@ -127,17 +127,6 @@ def test_without_a_spread_the_prediction_is_certain() -> None:
             assert likely[0].path == scan.winners[k]
 
 
-def test_a_very_small_spread_gives_the_certain_prediction() -> None:
-    where = load_room("simple")
-    headings = np.radians(np.arange(0, 360, 20.0))
-    for name in ("paper", "polaroid-6500", "hc-sr04"):
-        which = board(name, threshold_sd_db=0.01)
-        scan = scan_with_fainter_paths(where, where.place("figure9"), which, headings)
-        likely = [max(possible_readings(scan, k), key=lambda one: one.probability) for k in range(len(headings))]
-        ranges = np.array([np.nan if one.range is None else one.range for one in likely])
-        assert ranges == pytest.approx(scan.distances, abs=1e-3, nan_ok=True)
-
-
 @pytest.mark.parametrize("name", ["paper", "polaroid-6500"])
 def test_pings_of_the_fake_have_these_probabilities(name: str) -> None:
     """The fake perturbs each arrival of each ping, in both receivers; this is an independent implementation."""

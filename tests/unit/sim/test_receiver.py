@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.signal import fftconvolve, hilbert
+from scipy.signal import fftconvolve
 from scipy.special import j1, jv
 from sonarhw_sim.air import Air, Receiver, Unit, absorption
 from sonarhw_sim.board.beam import (
@@ -34,7 +34,6 @@ from sonarhw_sim.board.receiver import (
     Sound,
     counted_time,
     detect_echoes,
-    detect_first_echo,
     echo_times,
     first_echoes,
 )
@@ -95,13 +94,6 @@ def test_with_ideal_gain_and_no_integration_both_receivers_agree(scene: list[tup
         assert len(detected) == 0
 
 
-@settings(deadline=None, max_examples=30)
-@given(distance=st.floats(0.5, 10.0), over=st.floats(0.2, 40))
-def test_range_error_is_positive_and_at_most_burst_and_decay(distance: float, over: float) -> None:
-    late = detected_ranges(LEVEL, (distance, LEVEL.threshold_db + over))[0] - distance
-    assert 0 < late < (16 + 4) * CYCLE * SPEED / 2
-
-
 def test_barely_detected_echo_is_45_millimetres_later_than_a_strong_one() -> None:
     late = [detected_ranges(LEVEL, (2.0, LEVEL.threshold_db + over))[0] for over in (1, 3, 6, 10, 20, 40)]
     assert late == sorted(late, reverse=True)
@@ -142,11 +134,6 @@ def test_echo_within_blanking_is_ignored_and_one_that_continues_is_detected_at_i
     assert detected_ranges(LEVEL, (0.38, -3.0))[0] == pytest.approx(end, abs=0.01)
 
 
-def test_targets_3_inches_apart_are_two_echoes() -> None:
-    detected = detected_ranges(LEVEL, (1.0, -20.0), (1.0762, -20.0))
-    assert np.diff(detected) == pytest.approx([0.0762], abs=0.01)
-
-
 def test_next_echo_is_detected_only_after_re_arming() -> None:
     detected = detect_echoes(walls((1.0, -20.0), (1.04, -20.0), (1.3, -20.0)), LEVEL, SPEED).times
     assert np.diff(detected).min() >= LEVEL.rearm
@@ -173,20 +160,6 @@ def test_stepped_gain_differs_from_the_ideal_one_by_at_most_6_decibels_and_0_on_
     assert np.abs(off[lengths / 2 > 0.5]).max() < 4
 
 
-@settings(deadline=None, max_examples=15)
-@given(scene=wall_scenes, level=st.sampled_from([0.0, 0.002, 0.008]), seed=st.integers(0, 99))
-def test_first_echo_does_not_depend_on_the_length_of_the_signal(
-    scene: list[tuple[float, float]], level: float, seed: int
-) -> None:
-    noise = Noise(level, (seed,))
-    whole, first = (
-        detect_echoes(walls(*scene), BOARD, SPEED, noise),
-        detect_first_echo(walls(*scene), BOARD, SPEED, noise),
-    )
-    assert first.times[:1] == pytest.approx(whole.times[:1], abs=1e-12)
-    assert first.winner == whole.winner
-
-
 def test_noise_alone_causes_echoes_without_a_winner() -> None:
     detected = detect_echoes(walls(), LEVEL, SPEED, Noise(0.02, (1,)))
     assert len(detected.times) > 0
@@ -201,17 +174,6 @@ def test_an_arrival_far_below_the_noise_is_not_the_winner() -> None:
     assert detected.winner == -1
 
 
-def test_reported_range_is_that_of_the_signal() -> None:
-    headings = np.radians(np.arange(0, 360, 30.0))
-    options = PredictionOptions(receiver=Receiver.BOARD, noise=0.001, seed=5)
-    scan = predict_scan(ROOM, ROOM.places["figure9"], BOARD, headings, options)
-    speed = ROOM.air.speed_of_sound
-    for k in range(len(headings)):
-        found = echo_times(scan.ping(k).signal(2 * BOARD.max_range / speed).samples, BOARD, speed)
-        assert scan.distances[k] == pytest.approx(found[0] * speed / 2)
-        assert scan.ping(k).echo_times() == pytest.approx(found)
-
-
 @pytest.mark.parametrize(("low", "high", "share"), [(0.0, 0.02, 0.5), (0.004, 0.019, 0.4), (0.009, 0.049, 0.025)])
 def test_without_integration_the_time_is_that_at_which_a_straight_line_meets_the_threshold(
     low: float, high: float, share: float
@@ -220,26 +182,6 @@ def test_without_integration_the_time_is_that_at_which_a_straight_line_meets_the
     samples = np.zeros(1000, dtype=np.complex128)
     samples[500], samples[501] = low, high
     assert echo_times(samples, board, SPEED)[0] * RATE == pytest.approx(500 + share)
-
-
-@pytest.mark.parametrize("over", [1.2, 2.0, 10.0])
-def test_a_constant_signal_fills_the_capacitor_after_the_time_of_an_exponential(over: float) -> None:
-    """v = L (1 - exp(-t/τ)) is 1 at t = τ ln(L / (L - 1))."""
-    board = replace(LEVEL, threshold_db=0.0, blanking=0.0, blanking_inhibit=None, integration_cycles=8.0)
-    lone = lowest_level(board)
-    samples = np.full(4000, over * lone, dtype=np.complex128)
-    constant = board.integration_cycles / board.frequency
-    assert echo_times(samples, board, SPEED)[0] == pytest.approx(constant * math.log(over / (over - 1)), abs=1 / RATE)
-
-
-def lowest_level(board: Board) -> float:
-    """Return the lowest constant level that is ever detected, by bisection."""
-    low, high = 0.0, 2.0
-    for _ in range(40):
-        level = (low + high) / 2
-        found = len(echo_times(np.full(20_000, level, dtype=np.complex128), board, SPEED)) > 0
-        low, high = (low, level) if found else (level, high)
-    return high
 
 
 # The first echo: equal to that of the whole signal, which takes other kernels.
@@ -410,35 +352,6 @@ def test_signal_equals_the_slow_sum_in_time(board: Board, rows: list[tuple[float
     assert signal.rf(1e6) == pytest.approx(expected, abs=0.02 * np.abs(expected).max())
 
 
-def test_chirp_steps_down_from_60_to_50_kilohertz() -> None:
-    rf = received(arrivals_of((0.005, 0.9, 0, 0)), quiet(CHIRP), SPEED, 0.008).rf(1e6)
-    turning = np.diff(np.unwrap(np.angle(hilbert(rf)))) * 1e6 / math.tau
-    begin = 0.005
-    for tone in CHIRP.burst:
-        lasting = tone.cycles / tone.frequency
-        late = slice(round((begin + 0.7 * lasting) * 1e6), round((begin + lasting) * 1e6))
-        assert np.median(turning[late]) == pytest.approx(tone.frequency, abs=900)
-        begin += lasting
-
-
-@settings(deadline=None, max_examples=12)
-@given(time=st.floats(0.003, 0.008), degrees=st.floats(0, 60))
-def test_echoes_half_a_period_apart_cancel(time: float, degrees: float) -> None:
-    later = time + 0.5 / BOARD.frequency
-    alone = received(arrivals_of((time, 0.9, degrees, degrees)), quiet(BOARD), SPEED, 0.01).envelope(200e3)
-    both = received(
-        arrivals_of((time, 0.9, degrees, degrees), (later, 0.9, degrees, degrees)), quiet(BOARD), SPEED, 0.01
-    ).envelope(200e3)
-    middle = np.abs(both.times - time - 8 / BOARD.frequency) < 2 / BOARD.frequency
-    assert both.samples[middle].max() < 0.05 * alone.samples.max()
-
-
-@pytest.mark.parametrize("degrees", [90.0, 120.0, 180.0])
-def test_nothing_is_received_from_behind(degrees: float) -> None:
-    for rows in ((0.005, 1.0, degrees, 0.0), (0.005, 1.0, 0.0, degrees)):
-        assert received(arrivals_of(rows), quiet(BOARD), SPEED, 0.01).envelope().samples.max() < 1e-12
-
-
 def test_own_burst_overdrives_the_receiver_and_has_decayed_where_binh_may_end_blanking() -> None:
     trace = received(arrivals_of(), BOARD, SPEED, 0.01).envelope()
     assert trace.samples[(trace.times > 50e-6) & (trace.times < 16 / BOARD.frequency)].min() == 1.0
@@ -491,16 +404,6 @@ def test_peak_of_a_square_burst_there_is_minus_20_and_its_energy_minus_28() -> N
     peak, energy = burst_loss(np.radians([17.2]), burst, 4e6, RADIUS, IN_AIR, passes=2)
     assert 20 * math.log10(peak[0]) == pytest.approx(-20, abs=0.5)
     assert 20 * math.log10(energy[0]) == pytest.approx(-28, abs=0.5)
-
-
-@pytest.mark.parametrize("degrees", [2.0, 17.2, 45.0, 85.0])
-def test_h_r_lasts_while_the_wavefront_crosses_the_face_and_its_integral_is_the_cosine(degrees: float) -> None:
-    angle = math.radians(degrees)
-    crossing = RADIUS * math.sin(angle) / IN_AIR
-    times, step = np.linspace(-1.5 * crossing, 1.5 * crossing, 200_001, retstep=True)
-    response = impulse_response(times, angle, RADIUS, IN_AIR)
-    assert response.sum() * step == pytest.approx(math.cos(angle), rel=1e-6)
-    assert times[response > 0][[0, -1]] == pytest.approx([-crossing, crossing], rel=1e-3)
 
 
 @pytest.mark.parametrize("passes", [1, 2])

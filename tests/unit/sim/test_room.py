@@ -1,9 +1,7 @@
 """Rooms: from arrays, written and read back, with tables of reflectances, and what is probably a mistake in them."""
 
 import copy
-import errno
 import math
-import os
 import pickle
 import re
 from collections.abc import Sequence
@@ -15,12 +13,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sonarhw_cli.app import run
 from sonarhw_sim import check
 from sonarhw_sim.air import Air, Receiver
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.check import check_room, plan_findings, reason_for_silence
-from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
+from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.room.room import (
     Place,
     Room,
@@ -36,7 +33,7 @@ from sonarhw_sim.room.room_writing import materials, save_room, with_air, with_m
 from sonarhw_sim.room.room_writing import with_material as with_written_material
 
 import sonarhw
-from sonarhw.errors import InputError, OutputError
+from sonarhw.errors import InputError
 from tests.checkout import CHECKOUT
 
 SQUARE = [[0, 0], [4, 0], [4, 3], [0, 3]]
@@ -181,23 +178,6 @@ def test_a_saved_room_loads_and_existing_files_are_not_overwritten(tmp_path: Pat
     assert_same_rooms(load_room(file), room)
     save_room(with_air(room, Air(temperature_c=4.0)), file, overwrite=True)
     assert load_room(file).air.temperature_c == 4.0
-
-
-@pytest.mark.parametrize("there", [False, True])
-def test_a_room_that_cannot_be_saved_leaves_the_old_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, there: bool
-) -> None:
-    file = tmp_path / "mine.toml"
-    if there:
-        file.write_text("mine")
-
-    def full(_: int) -> None:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(OutputError, match=r"mine\.toml: No space left on device; delete other files"):
-        save_room(load_room(SIMPLE_FILE), file, overwrite=there)
-    assert [path.read_text() for path in tmp_path.iterdir()] == ["mine"] * there
 
 
 def _quoted(name: str) -> str:
@@ -346,11 +326,6 @@ def test_the_plans_of_shipped_rooms_have_no_findings(name: str) -> None:
     assert list(plan_findings(load_room(name))) == []
 
 
-def test_the_wall_at_40_m_is_too_far_away_as_the_figure_shows() -> None:
-    found = [finding.kind for finding in check_room(load_room("figure2a"), load_board("polaroid-6500"))]
-    assert found == ["place outside", "silence"]
-
-
 @pytest.mark.parametrize(
     ("more", "line"),
     [
@@ -494,30 +469,6 @@ def test_a_circle_round_a_place_is_a_round_room() -> None:
     tower, building = circle(64, 1.0), RECTANGLE
     assert facets_of(drawn(building, tower, place=(2.1, 1.4))) == ()
     assert len(facets_of(drawn(building, tower, place=(0.5, 0.5)))) == 1
-
-
-def test_a_post_has_echoes_and_the_same_pillar_of_walls_almost_none() -> None:
-    post = f'[[posts]]\nname = "post"\ncenter = {list(MIDDLE)}\nradius = {RADIUS}\nmaterial = "m"'
-    towards, board = np.array([math.atan2(0.1, 1.0)]), load_board("paper")
-    (round_one,), (flat,) = (
-        predict_scan(room, room.places["p"], board, towards).ranges
-        for room in (drawn(RECTANGLE, more=post), drawn(RECTANGLE, circle(64)))
-    )
-    assert round_one == pytest.approx(math.hypot(1.0, 0.1) - RADIUS)
-    assert math.isnan(flat)
-
-
-def test_the_command_warns_in_one_line_with_the_replacement(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file = tmp_path / "room.toml"
-    file.write_text(room_text(RECTANGLE, circle(64)))
-    for command in ("simulate", "paths"):
-        assert run([command, str(file), *(["--step", "90"] if command == "simulate" else [])]) == 0
-        printed = capsys.readouterr()
-        assert printed.err == (
-            f"sonarhw: warning: {file}: walls 'w1[0]' to 'w1[63]' approximate a circle, but flat walls return almost "
-            "no sound; use [[posts]] with center = [2, 1.5] and radius = 0.15\n"
-        )
-        assert "warning" not in printed.out
 
 
 # Places where no scanner can be.

@@ -8,17 +8,16 @@ from operator import itemgetter
 import numpy as np
 import pytest
 from scipy.special import j1
-from sonarhw_sim.air import Air, EdgeStrength, Model, Receiver, Unit
+from sonarhw_sim.air import Air, Model, Receiver, Unit
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, predict_with
-from sonarhw_sim.predict.room_echoes import EXACT, RoomEchoes
 from sonarhw_sim.rays.diffraction import by_wedge
 from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
 from sonarhw_sim.room.room import Place, Room, load_room, parse_room
 from sonarhw_sim.space.folding import loudest_at
 from sonarhw_sim.space.sections import paths_from
 
-from sonarhw.readings import FloatArray, Ping
+from sonarhw.readings import FloatArray
 from tests.oracles.images_in_space import bent_in_space, faces_of, images_in_space
 from tests.oracles.rooms_with_heights import BOX, HERE, LEVELS, image_at, image_gain, post, room_of, wall
 
@@ -146,59 +145,6 @@ def _by_millimetre(rows: list[tuple[float, ...]]) -> list[tuple[float, ...]]:
     return sorted(rows, key=lambda row: tuple(round(value, 3) + 0.0 for value in row))
 
 
-def test_place_without_height_and_room_without_heights_stay_in_the_plan() -> None:
-    plain, tall = load_room("rooms/simple.toml"), room_of(BOX)
-    for room, place in ((plain, plain.places["figure9"]), (tall, replace(HERE, height=None))):
-        flat, all_of_them = find_paths(room, place.position, SEARCH), paths_from(room, place, SEARCH)
-        assert all_of_them.lengths.tolist() == flat.lengths.tolist()
-        assert all_of_them.gains.tolist() == flat.gains.tolist()
-        assert all_of_them.points.tobytes() == flat.points.tobytes()
-    lifted = paths_from(plain, replace(plain.places["figure9"], height=0.5), SEARCH)
-    assert lifted.lengths.tolist() == find_paths(plain, (0.774, 0.085), SEARCH).lengths.tolist()
-    assert not lifted.elevations.any()
-
-
-def test_low_wall_has_echoes_of_foot_and_top_and_does_not_hide_the_wall_behind() -> None:
-    fence, back = wall("fence", (-2.0, 1.0), (2.0, 1.0), height=(0.0, 0.6)), wall("back", (-9.0, 3.0), (9.0, 3.0))
-    room = room_of(fence + back, LEVELS[: LEVELS.index("[ceiling]")])
-    place = Place("here", (0.0, 0.0), height=0.9)
-    flat = find_paths(room, place.position, SEARCH)
-    assert flat.via(0, room) == ("fence",)  # the plan has only this path
-    paths = paths_from(room, place, PathSearch(6.4, WAVELENGTH))
-    level = np.abs(paths.elevations).max(axis=1) < 1e-9
-    assert [paths.via(k, room) for k in np.flatnonzero(level) if paths.edges[k] < 0] == [("back",)]
-    papers = PathSearch(6.4, WAVELENGTH, edge_strength=EdgeStrength.PAPER)
-    detected = {via: (length, gain) for length, gain, via in from_above(room, place, papers)}
-    assert detected[("floor", "fence")] == pytest.approx((2 * math.hypot(1.0, 0.9), 0.72))
-    top = math.hypot(1.0, 0.3)
-    assert detected[("fence/",)] == pytest.approx((2 * top, 1 / (math.tau * math.sqrt(top / WAVELENGTH))), rel=1e-2)
-    # the foot of the wall behind is hidden: the straight line to it is at 0.6 m where y = 1
-    assert ("floor", "back") not in detected
-
-
-def test_post_keeps_its_curvature_factor_on_paths_over_the_floor() -> None:
-    room = room_of(post("pillar", 1.0, 0.0, 0.05) + wall("far", (-9.0, -9.0), (-9.0, 9.0)))
-    detected = {
-        via: (length, gain) for length, gain, via in from_above(room, replace(HERE, position=(0.0, 0.0)), SEARCH)
-    }
-    curvature = math.sqrt(0.05 / (0.05 + 0.95))
-    assert detected[("floor", "pillar")] == pytest.approx((2 * math.hypot(0.95, 0.9), 0.8 * 0.9 * curvature))
-    assert detected[("ceiling", "pillar")] == pytest.approx((2 * math.hypot(0.95, 1.5), 0.7 * 0.9 * curvature))
-
-
-def test_lid_of_a_low_post_blocks_and_inside_a_tall_post_there_are_no_paths() -> None:
-    # on the straight line from 0.9 m down to the foot of the wall 1 m away, the height at the rim (0.2 m) is 0.72 m
-    walls, place = wall("far", (-9.0, 1.0), (9.0, 1.0)), Place("here", (0.0, 0.0), height=0.9)
-    for top, foot_is_free in ((0.71, True), (0.73, False)):
-        room = room_of(post("stool", 0.0, 0.0, 0.2, (0.0, top)) + walls)
-        vias = {via for *_, via in from_above(room, place, SEARCH)}
-        assert (("floor", "far") in vias) is foot_is_free
-        assert ("ceiling", "far") in vias
-        everything = paths_from(room, place, SEARCH)
-        assert ("floor",) not in [everything.via(k, room) for k in range(len(everything))]  # blocked by the lid
-    assert len(paths_from(room_of(post("column", 0.0, 0.0, 0.2) + walls), place, SEARCH)) == 0
-
-
 def test_vertical_edge_diffracts_sound_from_the_floor() -> None:
     room = room_of(wall("end", (0.35, 0.0), (1.0, -0.4)))
     place = Place("here", (0.0, 0.0), height=0.2)
@@ -211,25 +157,6 @@ def test_vertical_edge_diffracts_sound_from_the_floor() -> None:
     assert len(detected) == 1  # equal legs: the path meets the edge at its foot
     # Keller's cone; the uniform theory differs little so far from reflection
     assert detected[0] == pytest.approx((length, 0.8 * in_plan.gains[0] * math.sqrt(length / 0.7)), rel=1e-4)
-
-
-def test_outlines_in_the_plan_are_closed_with_one_point_for_every_touch() -> None:
-    room = room_of(BOX + wall("fence", (0.4, 0.3), (0.4, 1.5), height=(0.0, 0.5)))
-    paths = paths_from(room, HERE, PathSearch(7.0, WAVELENGTH))
-    for k in range(len(paths)):
-        corners = paths.outline(k)
-        assert len(corners) == 2 + len(paths.via(k, room))
-        assert corners[0] == pytest.approx(HERE.position)
-        assert corners[-1] == pytest.approx(HERE.position)
-        assert np.hypot(*np.diff(corners, axis=0).T).sum() <= paths.lengths[k] + 1e-9
-        edge, bend = int(paths.edges[k]), int(paths.bends[k])
-        if edge < 0:
-            assert bend == paths.bounces[k]
-        elif edge < len(room.edges.points):
-            assert corners[bend + 1] == pytest.approx(room.edges.points[edge], abs=1e-9)
-    # some have reflections before and after the edge, and off floor or ceiling
-    bent = (paths.edges >= 0) & (paths.bends > 0) & (paths.bends < paths.bounces)
-    assert (np.abs(paths.elevations[bent]) > 1e-9).any()
 
 
 def test_parallel_sections_share_the_face_between_them() -> None:
@@ -370,13 +297,6 @@ def test_rims_of_a_box_with_lids_are_the_edges_of_a_solid() -> None:
     assert paths.gains[rows].tolist() == pytest.approx([expected[length] for length in sorted(expected)], rel=1e-9)
 
 
-def test_without_lids_the_rims_are_those_of_sheets() -> None:
-    _, paths = _bent(lids=False)
-    for length, solid in _expected().items():
-        sheet = paths.gains[np.argmin(np.abs(paths.lengths - length))]
-        assert abs(20 * math.log10(sheet / solid)) > 0.5
-
-
 # Readings in rooms with heights.
 
 
@@ -430,15 +350,6 @@ def first_images(place: Place, board: Board, headings: FloatArray) -> FloatArray
 def lobes(x: FloatArray) -> FloatArray:
     """Return 2 J₁(x)/x with its sign, 1 at 0."""
     return np.asarray(np.where(x > 1e-9, 2 * j1(x) / np.maximum(x, 1e-9), 1.0))
-
-
-def test_fake_scanner_uses_sections() -> None:
-    room = load_room("rooms/doorstep.toml")
-    board = replace(load_board("polaroid-6500"), receiver=Receiver.FIRST_ECHO)  # echoes without delay
-    detected = RoomEchoes(room, room.places["robot"], board, disturbance=EXACT).receive(
-        Ping(math.pi / 2, 0, 0, 0.06, False)
-    )
-    assert detected.echo_times[0] * room.air.speed_of_sound / 2 == pytest.approx(math.hypot(1.4, 0.07), abs=1e-6)
 
 
 def test_reflecting_face_is_no_wall_from_floor_to_ceiling() -> None:

@@ -9,19 +9,16 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from scipy.spatial import cKDTree
 from sonarhw_sim.rays.fan import distance_to, first_hit
 from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
 from sonarhw_sim.rays.sequences import leg_is_free
 from sonarhw_sim.room import edges
-from sonarhw_sim.room.edges import _pairs_near, edges_on_walls, find_edges
+from sonarhw_sim.room.edges import edges_on_walls, find_edges
 from sonarhw_sim.room.grid import lay_grid
 from sonarhw_sim.room.room import (
     Enclosures,
     Room,
-    _meeting,
     find_enclosures,
-    inside,
     load_room,
     parse_room,
     walls_enclose,
@@ -220,20 +217,9 @@ material = "hard"
 """
 
 
-ROOM = polygon_room([(-1.0, -1.0), (1.5, -1.0), (1.5, 1.2), (-1.0, 1.2)], extra=CRATE)
-
-
 def separated_from(room: Room, x: float, y: float) -> set[str]:
     shut = room.enclosures.separated_from(np.array([x, y]))
     return {name for name, gone in zip(room.edges.names, shut, strict=True) if gone}
-
-
-def test_from_inside_the_room_its_outer_corners_are_unreachable_and_the_boxs_reachable() -> None:
-    assert separated_from(ROOM, 0.0, 0.0) == {"w[0]/w[3]", "w[2]/w[3]", "w[0]/w[1]", "w[1]/w[2]"}
-
-
-def test_from_outside_the_room_its_corners_are_reachable() -> None:
-    assert separated_from(ROOM, 5.0, 0.0) == set()
 
 
 def test_open_chain_separates_no_edges() -> None:
@@ -281,15 +267,6 @@ def test_open_rooms_have_no_outside() -> None:
     box = [(1.0, 1.0, 2.0, 1.0), (2.0, 1.0, 2.0, 2.0), (2.0, 2.0, 1.0, 2.0), (1.0, 2.0, 1.0, 1.0)]
     assert not room_of([(0.0, 0.0, 9.0, 0.0), *box]).is_outside((0.5, 0.5))
     assert room_of(box).is_outside((0.5, 0.5))
-
-
-@pytest.mark.parametrize("seed", range(2))
-def test_walls_of_one_chain_enclose_the_points_inside(seed: int) -> None:
-    walls, random = star_room(seed, 9, convex=False).walls, np.random.default_rng(seed)
-    points = random.uniform(walls.min(), walls.max(), (40, 2))
-    enclosed = [walls_enclose(walls, (float(x), float(y))) for x, y in points]
-    assert enclosed == inside(points, walls).tolist()
-    assert 0 < sum(enclosed) < 40
 
 
 def test_crossing_walls_enclose_a_room_and_a_gap_opens_it() -> None:
@@ -342,46 +319,6 @@ def star(count: int, length: float = 5.0) -> FloatArray:
     return np.vstack((walls, [(-50, -50, 50, -50), (50, 50, -50, 50)]))
 
 
-def tuft(count: int) -> FloatArray:
-    """Short walls within 1 cm, in a large room."""
-    random = np.random.default_rng(1)
-    start = random.uniform(0, 0.01, (count, 2))
-    walls = np.hstack((start, start + random.uniform(-1e-3, 1e-3, (count, 2))))
-    return np.vstack((walls, [(-50, -50, 50, 50)]))
-
-
-CROWDS = {"star": star, "small star": lambda count: star(count, 0.1), "tuft": tuft}
-
-
-def vertices_of(walls: FloatArray) -> FloatArray:
-    return np.unique(walls.reshape(-1, 2), axis=0)
-
-
-def pairs(walls: FloatArray) -> list[tuple[int, int]]:
-    """Return the vertices and walls that are compared."""
-    vertices = vertices_of(walls)
-    near = _pairs_near(np.arange(len(vertices)), np.arange(len(walls), dtype=np.int32), vertices, walls)
-    return [pair for vertex, wall in near for pair in zip(vertex.tolist(), wall.tolist(), strict=True)]
-
-
-@pytest.mark.parametrize("crowd", CROWDS)
-def test_the_number_of_comparisons_grows_with_the_number_of_walls(crowd: str) -> None:
-    for count in (1000, 4000):
-        assert len(pairs(CROWDS[crowd](count))) < 60 * count
-
-
-@pytest.mark.parametrize("crowd", CROWDS)
-def test_every_end_on_a_wall_is_compared_with_it_once(crowd: str) -> None:
-    walls = CROWDS[crowd](400)
-    vertices, compared = vertices_of(walls), pairs(walls)
-    assert len(set(compared)) == len(compared)
-    for number, (x, y, end_x, end_y) in enumerate(walls):
-        share = ((vertices - (x, y)) @ (end_x - x, end_y - y)) / ((end_x - x) ** 2 + (end_y - y) ** 2)
-        foot = (x, y) + np.clip(share, 0, 1)[:, None] * (end_x - x, end_y - y)
-        on = np.flatnonzero(np.hypot(*(vertices - foot).T) <= 1e-6)
-        assert {(vertex, number) for vertex in on.tolist()} <= set(compared)
-
-
 def overlapping(count: int) -> str:
     """Return a room of walls on the x axis, each of which overlaps all others."""
     sections = [
@@ -397,14 +334,3 @@ def test_too_many_overlapping_walls_are_refused_with_one_line(monkeypatch: pytes
         InputError, match=r"^many\.toml: walls: too many overlap, .* y = 0 m: .* at most 1000 .*one wall$"
     ):
         parse_room(overlapping(40), "many.toml")
-
-
-def test_ends_that_meet_are_those_that_a_tree_finds() -> None:
-    random = np.random.default_rng(0)
-    places = np.repeat(random.uniform(-50, 50, (200, 2)), 5, axis=0)
-    # on one line, level in the direction in which the search runs
-    level = np.linspace(-1, 1, 200)[:, None] * [np.sin(1), -np.cos(1)]
-    points = np.vstack((places, level)) + random.normal(0, 5e-7, (1200, 2))
-    pairs = _meeting(points)
-    assert len(pairs) > 500
-    assert {*pairs} == cKDTree(points).query_pairs(1e-6)

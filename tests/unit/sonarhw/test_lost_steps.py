@@ -3,14 +3,13 @@
 import math
 import random
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from sonarhw.errors import LostSteps
-from sonarhw.host.scripts import homing, scanning, turning
+from sonarhw.host.scripts import homing, scanning
 from sonarhw.log import LogWriter, copy_log, read_log
 from sonarhw.readings import (
     Reading,
@@ -20,8 +19,7 @@ from sonarhw.readings import (
     split_at_homings,
     unverified_clause,
 )
-from sonarhw.wire.frames import Frame, decode_block
-from sonarhw.wire.messages import Outcome, StartScan, Turn
+from sonarhw.wire.messages import StartScan
 from tests.fixtures.bench import Bench
 from tests.fixtures.example_logs import METADATA
 from tests.fixtures.faulty_boards import faulty
@@ -77,32 +75,6 @@ def test_steps_lost_after_a_home_do_not_affect_the_scan_before_it(tmp_path: Path
     assert second.angle_warning is not None
 
 
-def test_a_scan_ends_near_the_mark_without_much_delay_unless_it_is_stopped() -> None:
-    bench = Bench(faulty(""))
-    readings = bench.scanned(WHOLE_TURN)
-    assert bench.now - readings[-1].time < 0.4
-    assert bench.do(turning(Turn(0))).result is Outcome.DONE
-    job = bench.scan(WHOLE_TURN, readings=10)
-    bench.session.stop(job, bench.now)
-    bench.until(lambda: job.done, within=0.2)
-    assert job.result is Outcome.STOPPED
-
-
-@pytest.mark.parametrize("backlash", [0, 4])
-def test_the_turntable_approaches_the_mark_by_3_degrees_more_than_its_backlash(backlash: int, tmp_path: Path) -> None:
-    bench = Bench(faulty(""))
-    bench.connect()
-    device = bench.session.device
-    assert device.capabilities is not None
-    device.capabilities = replace(device.capabilities, backlash=backlash * 1_000_000)
-    with LogWriter(tmp_path / "scan.mcap", METADATA) as log:
-        bench.session.recording.use(log)
-        bench.scanned(WHOLE_TURN)
-    sent = [decode_block(frame.wire.strip(b"\0")) for frame in read_log(tmp_path / "scan.mcap").frames]
-    turns = [Turn.unpack(frame.payload) for frame in sent if isinstance(frame, Frame) and frame.type == Turn.TYPE]
-    assert turns[0] == Turn((360 - 3 - backlash) * 1_000_000)
-
-
 @pytest.mark.parametrize("seed", range(12))
 def test_no_verified_reading_has_a_wrong_angle(seed: int) -> None:
     choice = random.Random(seed)
@@ -141,11 +113,6 @@ def test_angles_before_a_homing_during_a_scan_are_reported_at_once_and_in_the_lo
         (scan,) = read_log(file).scans
         assert len(scan.readings) == 72
         assert scan.angle_warning == f"{count} {UNVERIFIED}"
-
-
-def test_steps_lost_after_a_homing_do_not_affect_readings_before_it_which_are_unverified() -> None:
-    _, message = scan_that_loses_steps(Bench(faulty("reset@r30,slip=40@r50")), WHOLE_TURN)
-    assert f"72 readings are kept; the last 42 of 72 angles may be wrong, from 150° on; 30 {UNVERIFIED}" in message
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -1,9 +1,7 @@
 """`sonarhw calibrate` with a served board: the written profile is valid and has the simulated offset and angle."""
 
-import errno
 import json
 import math
-import os
 from pathlib import Path
 
 import pytest
@@ -59,33 +57,6 @@ def test_the_profile_contains_offset_and_home_angle_of_the_plate(
     again = tmp_path / "again.toml"
     assert calibrated(again, "--board", str(out)) == 0
     assert load_board(str(again)).range_offset == pytest.approx(profile.range_offset, abs=1e-5)
-
-
-@pytest.mark.parametrize(
-    "options",
-    [("--distance", "0.1"), ("--distance", "100"), ("--width", "1"), ("--width", "12", "--step", "2")],
-)
-def test_bad_usage_is_one_line_and_leaves_no_profile(
-    options: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = tmp_path / "bench.toml"
-    assert run(["calibrate", "socket://127.0.0.1:9", "--distance", "1", "--out", str(out), *options]) == 2
-    assert len(capsys.readouterr().err.splitlines()) == 1
-    assert not out.exists()
-
-
-def test_a_ring_of_sensors_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    ring = tmp_path / "ring.toml"
-    ring.write_text(f"{load_board('hc-sr04').text}\n[ring]\nsensors = 4\nradius = 0.1\n")
-    assert calibrated(tmp_path / "bench.toml", "--board", str(ring)) == 2
-    assert "has a ring of sensors; a plate calibrates a head on a turntable" in capsys.readouterr().err
-
-
-def test_a_sector_of_too_few_headings_is_refused_before_the_turntable_moves(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert calibrated(tmp_path / "bench.toml", "--width", "2", "--step", "2") == 2
-    assert "--width 2, --step 2: 1 heading; expected at least 7" in capsys.readouterr().err
 
 
 def test_a_missing_plate_gives_an_error_and_no_profile(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -219,38 +190,3 @@ def test_keys_go_to_the_top_of_the_profile_and_any_name_is_valid(tmp_path: Path,
     assert (after.mount, after.chirp) == (before.mount, before.chirp)
     kept = [line for line in given.read_text().splitlines() if line and not line.startswith("name")]
     assert [line for line in out.read_text().splitlines() if line in kept] == kept
-
-
-def test_the_board_profile_in_the_url_is_never_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    own = tmp_path / "own.toml"
-    own.write_text(load_board("polaroid-6500").text)
-    before = own.read_text()
-    url = f"fake:rooms/laboratory.toml?place=bench&board={own}&pace=max"
-    assert run(["calibrate", url, "--distance", "1.27", "--direction", "180", "--out", str(own), "--force"]) == 2
-    assert f"--out {own}: is the input file {own}" in capsys.readouterr().err
-    assert own.read_text() == before
-
-
-@pytest.mark.parametrize("there", [False, True])
-def test_a_full_disk_leaves_the_old_profile(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], there: bool
-) -> None:
-    out = tmp_path / "bench.toml"
-    if there:
-        out.write_text("mine")
-
-    def full(_: int) -> None:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr(os, "fsync", full)
-    assert calibrated(out, "--force") == 1
-    assert "No space left on device; delete other files or choose another file" in capsys.readouterr().err
-    assert [path.read_text() for path in tmp_path.iterdir()] == ["mine"] * there
-
-
-@pytest.mark.parametrize("temperature", ["900", "nan"])
-def test_an_impossible_air_temperature_is_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], temperature: str
-) -> None:
-    assert calibrated(tmp_path / "bench.toml", "--temperature", temperature) == 2
-    assert "--temperature" in capsys.readouterr().err

@@ -62,18 +62,6 @@ def test_two_logs_share_an_offset_and_have_separate_places(
     assert estimates["x@p2"]["value"] == pytest.approx(1.80, abs=0.003)
 
 
-def test_a_place_outside_the_room_gives_a_warning_and_heading_intervals_span_at_most_a_circle(
-    log: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run(["fit", log, "--place", "9,9", "--json", "--samples", "100"]) == 0
-    printed = capsys.readouterr()
-    assert "9, 9 m is outside room 'Arena'" in printed.err
-    heading = json.loads(printed.out)["estimates"]["heading"]
-    assert heading["deviation"] <= 180
-    half = 180 + 1e-9  # conversion to degrees rounds
-    assert heading["value"] - half <= heading["lower"] <= heading["upper"] <= heading["value"] + half
-
-
 def test_fitted_room_and_board_are_written_and_comments_kept(tmp_path: Path) -> None:
     log = str(tmp_path / "p3.mcap")  # of a board that hears faint echoes, which show its threshold
     # to 4 m, which limits the number of paths

@@ -9,19 +9,16 @@ from sonarhw.device.protocol import BACKLOG, Line
 from sonarhw.wire.frames import DELIMITER, Frame, encode_frame
 from sonarhw.wire.limits import RECEIVE_ROOM
 from sonarhw.wire.messages import (
-    NO_TEMPERATURE,
     Accepted,
     AskCapabilities,
     AskStatistics,
     Configure,
-    ConfigureTurntable,
     Finished,
     Heartbeat,
     Hello,
     Home,
     Info,
     Message,
-    Outcome,
     ReadingMessage,
     Refusal,
     Refused,
@@ -30,10 +27,8 @@ from sonarhw.wire.messages import (
     Started,
     StartScan,
     Statistics,
-    Stop,
     TestLink,
     Turn,
-    TurntableSettings,
 )
 from tests.contract.talk import DirectLine, Talk, readings
 from tests.fixtures.plain_echoes import PlainEchoes, echo_time
@@ -107,38 +102,6 @@ def test_a_host_that_never_reads_does_not_fill_the_memory_of_the_board(board: Fa
     assert board.line.waiting < BACKLOG + 200
 
 
-def test_after_a_disconnect_the_board_is_silent_and_requires_hello(board: FakeBoard, talk: Talk) -> None:
-    talk.ask(StartScan(0, 1_000_000, 50, 1, 1), Started)
-    board.hang_up()
-    assert (board.busy, board.next_event()) == (False, None)
-    assert talk.quiet(10.0) == []
-    assert talk.ask(Stop(), Refused).code == Refusal.NO_HELLO
-
-
-def test_the_seed_determines_the_board() -> None:
-    def homing_time(seed: int) -> float:
-        talk = talk_to(FakeBoard(PlainEchoes(), seed=seed))
-        talk.act(Home())
-        return talk.clock()
-
-    assert homing_time(1) == homing_time(1) != homing_time(2)
-
-
-def test_a_board_without_thermometer_and_traces_sends_neither() -> None:
-    talk = talk_to(FakeBoard(PlainEchoes(temperature_c=None), identity=BoardIdentity(trace_rate=0)))
-    assert talk.ask(Hello(1, 2), Info).temperature == NO_TEMPERATURE
-    assert talk.ask(replace(CONFIGURE, trace=1), Settings).trace == 0
-
-
-def test_a_stop_during_a_turn_keeps_the_angle_reached(talk: Talk) -> None:
-    talk.ask(Turn(180_000_000), Accepted)
-    talk.quiet(0.5)
-    talk.ask(Stop(), Accepted)
-    beat = talk.heartbeat()
-    assert beat.state == 0
-    assert 80_000_000 < beat.angle < 140_000_000
-
-
 def test_a_board_whose_receivers_are_not_ready_homes_and_turns_but_delays_its_pings() -> None:
     ready, echoes = False, PlainEchoes()
     board = FakeBoard(echoes, ready=lambda: ready)
@@ -153,39 +116,6 @@ def test_a_board_whose_receivers_are_not_ready_homes_and_turns_but_delays_its_pi
     ready = True
     talk.until(lambda received: len(readings(received)) == 1)
     assert talk.clock() < 12
-
-
-@pytest.mark.parametrize("degrees", [-720, -350, 0, 1, 90, 700, 720])
-def test_homing_takes_less_than_three_seconds_from_any_angle_within_the_cable_limits(talk: Talk, degrees: int) -> None:
-    talk.act(Turn(degrees * 1_000_000))
-    began = talk.clock()
-    assert talk.act(Home())[2].outcome == Outcome.DONE
-    assert talk.clock() - began < 3.0
-
-
-def test_homing_after_a_stop_continues_from_the_angle_reached(talk: Talk) -> None:
-    talk.act(Turn(720_000_000))
-    talk.ask(Home(), Accepted)
-    talk.quiet(1.5)
-    talk.ask(Stop(), Accepted)
-    began = talk.clock()
-    talk.act(Home())
-    assert talk.clock() - began < 0.6  # a quarter of the way remains
-
-
-def test_heartbeats_count_the_readings_of_the_last_scan_after_a_turn_too(talk: Talk) -> None:
-    talk.act(StartScan(0, 1_000_000, 5, 1, 1))
-    talk.act(Turn(90_000_000))
-    assert talk.heartbeat().readings == 5
-
-
-def test_the_turntable_speed_is_limited_by_settings_and_motor(talk: Talk) -> None:
-    slow = talk.ask(ConfigureTurntable(45_000_000, 0, 100_000, 1), TurntableSettings)
-    assert (slow.speed, slow.settle_us, slow.approach) == (45_000_000, 100_000, 1)
-    began = talk.clock()
-    talk.act(Turn(90_000_000))
-    assert talk.clock() - began == pytest.approx(2.1, abs=0.05)
-    assert talk.ask(ConfigureTurntable(10**9, 0, 20_000, 0), TurntableSettings).speed == 180_000_000
 
 
 def test_old_firmware_refuses_unknown_commands_and_sends_no_new_messages() -> None:

@@ -13,14 +13,12 @@ from sonarhw.device.fake_board import BoardIdentity
 from sonarhw.errors import (
     CommandRefused,
     DeviceError,
-    Incompatible,
     LinkLost,
     LogError,
     NoAnswer,
-    SonarError,
     WrongDevice,
 )
-from sonarhw.host.driver import ASK_AGAIN, NO_MESSAGE, SIGN_OF_LIFE, SILENCE
+from sonarhw.host.driver import ASK_AGAIN, NO_MESSAGE, SILENCE
 from sonarhw.host.scripts import (
     MOVE_WITHIN,
     Job,
@@ -101,24 +99,6 @@ def test_every_reading_arrives_exactly_once_over_a_bad_cable(
     assert statistics.lost_readings == 0
     # the board measured each reading once: a lost frame causes no new measurement
     assert len(bench.echoes.pings) == 60 + 60
-
-
-def test_the_statistics_show_a_bad_cable_only(bench: Bench) -> None:
-    bad = Bench().connect()
-    bad.up = dropping(5, 1 / 200)
-    for one in (bench, bad):
-        one.scanned(ORDER)
-    clean, poor = bench.session.statistics, bad.session.statistics
-    assert (clean.rejected_blocks, clean.missing_frames, clean.resends, clean.repeated_commands) == (0, 0, 0, 0)
-    assert min(poor.rejected_blocks, poor.missing_frames, poor.resends) > 0
-    assert 0 < clean.frames_sent < 10 + bench.now / SIGN_OF_LIFE
-
-
-def test_traces_arrive_complete_over_a_good_cable(bench: Bench) -> None:
-    for reading in bench.scanned(ORDER, trace=True):
-        assert reading.trace is not None
-        assert reading.trace.rate == pytest.approx(50_000)
-        np.testing.assert_allclose(reading.trace.samples, np.linspace(0, 1, 3125), atol=0.5 / 255 + 1e-12)
 
 
 @pytest.mark.parametrize(
@@ -250,17 +230,6 @@ def unplugs_of_a_scan(bench: Bench, chance: random.Random) -> int:
     return unplugs
 
 
-def test_readings_that_the_device_no_longer_keeps_are_measured_again(bench: Bench) -> None:
-    scan = bench.scan(ORDER, readings=5)
-    # these readings are lost until the device no longer keeps them
-    bench.up = without(lambda message: isinstance(message, ReadingMessage) and 10 <= message.number < 13)
-    bench.until(lambda: bench.session.statistics.lost_readings == 3)
-    bench.up = lambda data: data
-    bench.until(lambda: scan.done)
-    assert_complete(scan.readings)
-    assert [reading.number for reading in scan.readings][-3:] == [10, 11, 12]
-
-
 def test_after_a_reset_during_a_scan_settings_and_zero_are_restored(bench: Bench) -> None:
     bench.do(configuring(TRACES))
     bench.do(configuring_turntable(ConfigureTurntable(90_000_000, 0, 30_000, 1)))
@@ -277,17 +246,6 @@ def test_after_a_reset_during_a_scan_settings_and_zero_are_restored(bench: Bench
     assert bench.now - began > 1.9  # at 90°/s
     statistics = bench.session.statistics
     assert (statistics.losses, statistics.reopened, statistics.resets) == (1, 0, 1)
-
-
-def test_time_after_a_reset_follows_the_clock_of_the_host(bench: Bench) -> None:
-    scan = bench.scan(ORDER, readings=7)
-    bench.pull(4.0, power=True)
-    bench.until(lambda: scan.done)
-    times = np.array([reading.time for reading in scan.readings])
-    hosts = np.array([reading.host_time for reading in scan.readings], float)
-    assert 4.0 < np.diff(times).max() < 12.0
-    assert np.diff(times).min() > 0
-    assert hosts - hosts[0] == pytest.approx(times - times[0], abs=0.05)
 
 
 def test_the_motor_is_held_while_the_host_sends_and_released_when_it_is_silent(bench: Bench) -> None:
@@ -366,18 +324,6 @@ def test_another_device_at_the_same_usb_socket_is_refused_until_the_right_one_re
         assert len(scan.readings) < 10
 
 
-@pytest.mark.parametrize(("bench", "seconds"), [(Bench(reconnect=10.0), 10), (Bench(), 30)], ids=["set", "default"])
-def test_a_device_that_does_not_return_is_an_error_after_the_set_time(bench: Bench, seconds: int) -> None:
-    bench.connect()
-    scan = bench.scan(ORDER, readings=5)
-    bench.pull(1e6)
-    pulled = bench.now
-    bench.until(lambda: scan.done)
-    assert isinstance(scan.error, LinkLost)
-    assert f"did not come back within {seconds} s" in str(scan.error)
-    assert bench.now - pulled == pytest.approx(seconds, abs=0.5)
-
-
 def test_ten_losses_without_a_reading_are_an_error() -> None:
     bench = Bench(reconnect=math.inf).connect()
     scan = bench.scan(ORDER)
@@ -430,42 +376,11 @@ def test_a_stopped_scan_ends_without_its_lost_device(bench: Bench, stopped_first
 # jobs
 
 
-def test_the_session_is_moving_only_while_the_turntable_moves(bench: Bench) -> None:
-    def states(job: Job) -> set[Connection]:
-        started, seen = bench.session.start(job, bench.now), set()
-        while not started.done:
-            seen.add(bench.session.state)
-            bench.step()
-        return seen
-
-    assert states(configuring(TRACES)) == {Connection.READY}
-    bench.do(homing())
-    assert Connection.MOVING in states(turning(Turn(90_000_000)))
-    assert bench.session.state is Connection.READY
-
-
 def test_turning_and_scanning_home_first_and_a_refusal_ends_its_job_only(bench: Bench) -> None:
     refused = bench.run(turning(Turn(800_000_000)))
     assert isinstance(refused.error, CommandRefused)
     assert bench.do(turning(Turn(80_000_000))).result is Outcome.DONE
     assert_complete(Bench(seed=9).connect().scanned(ORDER))
-
-
-@pytest.mark.parametrize("during_a_scan", [False, True])
-def test_a_jammed_turntable_is_a_fault_and_not_a_lost_link(bench: Bench, during_a_scan: bool) -> None:
-    scan = bench.scan(ORDER, readings=5) if during_a_scan else None
-    if scan:
-        bench.reset()
-    bench.board.wedge(8.0)
-    jammed = bench.now
-    job = scan or bench.session.start(homing(), bench.now)
-    bench.until(lambda: job.done)
-    assert isinstance(job.error, DeviceError)
-    assert "zero mark" in str(job.error)
-    assert bench.now - jammed < 5.0
-    assert (bench.session.state, bench.session.statistics.losses) == (Connection.READY, int(during_a_scan))
-    bench.wait(9.0)
-    assert_complete(bench.scanned(ORDER))
 
 
 def test_homing_without_an_end_is_stopped_with_an_error(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -509,20 +424,6 @@ def test_a_recorder_receives_nothing_between_jobs(bench: Bench) -> None:
     assert recorder.frames == count
 
 
-@pytest.mark.parametrize(
-    ("identity", "cable", "error"),
-    [(BoardIdentity(), lambda data: b"", NoAnswer), (BoardIdentity(major=2, minor=0), lambda data: data, Incompatible)],
-)
-def test_a_missing_scanner_and_another_major_version_are_reported_at_once(
-    identity: BoardIdentity, cable: Cable, error: type[SonarError]
-) -> None:
-    bench = Bench(identity=identity)
-    bench.up = cable
-    assert isinstance(bench.connect().session.failed, error)
-    assert bench.session.state is Connection.DISCONNECTED
-    assert bench.now == pytest.approx(10.0 if error is NoAnswer else 0.0, abs=0.1)
-
-
 # the speed of the line, and its greeting
 
 FAST = BoardIdentity(serial="FAST", bauds=(250_000, 500_000, 1_000_000))
@@ -548,15 +449,6 @@ def test_a_speed_that_failed_is_not_used_in_a_later_conversation() -> None:
     bench.until(lambda: bench.session.state is not Connection.READY)
     bench.connect()
     assert bench.session.device.baud == bench.board.line.baud == 500_000
-
-
-def test_a_device_that_was_reset_is_found_again_at_its_first_speed() -> None:
-    bench = Bench(identity=FAST, bauds=True).connect()
-    scan = bench.scan(ORDER, readings=5)
-    bench.reset()
-    bench.until(lambda: scan.done)
-    assert_complete(scan.readings)
-    assert bench.board.line.baud == 1_000_000
 
 
 def test_a_device_left_at_a_higher_speed_is_found_and_errors_before_that_are_not_counted() -> None:

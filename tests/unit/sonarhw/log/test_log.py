@@ -13,7 +13,7 @@ from mcap_protobuf.decoder import DecoderFactory
 from sonarhw.errors import LogError, SonarError
 from sonarhw.host.scripts import configuring
 from sonarhw.log import LogWriter, copy_log, read_log
-from sonarhw.log.writer import laser_scan, write_scan
+from sonarhw.log.writer import write_scan
 from sonarhw.readings import Reading, Trace
 from sonarhw.wire.frames import Frame, decode_block, encode_frame
 from sonarhw.wire.messages import Configure, Message, ReadingMessage, StartScan
@@ -206,29 +206,6 @@ def test_other_tools_read_frames_readings_and_one_laser_scan_per_sweep(tmp_path:
         assert [*scan.ranges] == pytest.approx([math.inf if r.range is None else r.range for r in four])
 
 
-def test_each_reading_has_its_own_uncompressed_chunk(tmp_path: Path) -> None:
-    write_example(tmp_path / "scan.mcap", 5, trace=True)
-    with (tmp_path / "scan.mcap").open("rb") as file:
-        summary = make_reader(file).get_summary()
-    assert summary is not None
-    assert {chunk.compression for chunk in summary.chunk_indexes} == {""}
-    channels = {channel.topic: number for number, channel in summary.channels.items()}
-    with_reading = [c for c in summary.chunk_indexes if channels["/readings"] in c.message_index_offsets]
-    assert len(with_reading) == 5
-
-
-def test_a_copy_gives_the_same_data_as_its_original(tmp_path: Path) -> None:
-    write_example(tmp_path / "scan.mcap", trace=True)
-    original = read_log(tmp_path / "scan.mcap")
-    copy_log(original, tmp_path / "copy.mcap")
-    copy = read_log(tmp_path / "copy.mcap")
-    assert [frame.wire for frame in copy.frames] == [frame.wire for frame in original.frames]
-    assert copy.metadata == original.metadata
-    assert copy.scans[0].began == original.scans[0].began
-    for got, wanted in zip(copy.readings, original.readings, strict=True):
-        assert_readings_close(got, wanted)
-
-
 def test_the_writer_counts_the_readings_that_the_log_will_have(tmp_path: Path) -> None:
     path = tmp_path / "scan.mcap"
     with LogWriter(path, METADATA) as writer:
@@ -262,10 +239,3 @@ def test_each_sweep_is_one_laser_scan_at_its_own_time_also_if_a_reading_is_measu
     began = [min(one.host_time or 0 for one in scan.readings if one.sweep == number) for number in (0, 1)]
     assert sorted(time * 1e-9 for time, _ in sweeps) == pytest.approx(began, abs=0.01)
     assert sorted(sweep.timestamp.ToNanoseconds() * 1e-9 for _, sweep in sweeps) == pytest.approx(began, abs=0.01)
-
-
-def test_a_laser_scan_has_the_median_of_several_pings_at_a_heading() -> None:
-    pings = [
-        replace(example_reading(0), ping=k, echo_times=(2 * far / SPEED,)) for k, far in enumerate((1.0, 9.0, 2.0))
-    ]
-    assert [*laser_scan(pings, STARTED).ranges] == pytest.approx([2.0])

@@ -4,7 +4,6 @@ import errno
 import os
 import queue
 import threading
-from functools import partial
 from io import FileIO
 from pathlib import Path
 from typing import Any
@@ -48,22 +47,6 @@ def test_warnings_come_ten_minutes_and_one_minute_before_the_disk_is_full(monkey
     assert seconds == pytest.approx([3000, 3540], abs=10)
     assert lines[0].startswith("scan.mcap: its disk is nearly full: 599.0 MB are free, enough for about 10 minutes of ")
     assert " s of this scan; delete other files" in lines[1]
-
-
-def test_a_nearly_full_disk_is_reported_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    lines: list[str] = []
-    Disk(monkeypatch, 20e6)
-    with LogWriter(tmp_path / "scan.mcap", METADATA, warn=lines.append) as log:
-        record_one(log, 0)
-    assert lines == [f"{tmp_path / 'scan.mcap'}: its disk is nearly full: 20.0 MB are free; delete other files"]
-
-
-def test_free_space_is_checked_once_per_second(monkeypatch: pytest.MonkeyPatch) -> None:
-    disk = Disk(monkeypatch, 1e12)
-    monitor = DiskSpaceMonitor(Path("scan.mcap"), pytest.fail)
-    for tick in range(1000):
-        monitor.written(tick * 100, STARTED + tick * 0.01)
-    assert disk.checks == 10
 
 
 @pytest.mark.parametrize("trace", [False, True])
@@ -197,30 +180,6 @@ def test_a_disk_that_never_answers_does_not_hold_the_end_of_a_log(
     answers.set()
 
 
-@pytest.mark.parametrize("writer", ["write_scan", "copy_log"])
-@pytest.mark.parametrize("there", [False, True])
-def test_a_log_whose_sync_fails_is_not_written(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, writer: str, there: bool
-) -> None:
-    folder = tmp_path / "results"
-    folder.mkdir()
-    path, source = folder / "scan.mcap", tmp_path / "source.mcap"
-    readings = write_example(source, 3)
-    write = {
-        "write_scan": partial(write_scan, path, METADATA, readings),
-        "copy_log": partial(copy_log, read_log(source), path),
-    }[writer]
-    before = old_log(path) if there else b""
-
-    def fail(_: int) -> None:
-        raise OSError(errno.EIO, os.strerror(errno.EIO))
-
-    monkeypatch.setattr(os, "fsync", fail)
-    with pytest.raises(OutputError, match=r"scan\.mcap: Input/output error; choose another file"):
-        write(overwrite=there)
-    assert [one.read_bytes() for one in folder.iterdir()] == [before] * there
-
-
 def test_a_file_that_appears_while_a_log_is_written_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "scan.mcap"
     fsync = os.fsync
@@ -275,15 +234,6 @@ def test_a_new_log_without_readings_keeps_the_old_one(tmp_path: Path, how: str) 
             raise KeyError
     assert path.read_bytes() == before
     assert [*tmp_path.iterdir()] == [path]
-
-
-def test_a_link_to_an_old_log_remains_a_link(tmp_path: Path) -> None:
-    link, path = tmp_path / "link.mcap", tmp_path / "scan.mcap"
-    old_log(path)
-    link.symlink_to(path)
-    LogWriter(link, METADATA, overwrite=True).close()
-    assert link.is_symlink()
-    assert read_log(path).readings == ()
 
 
 def test_a_dropped_log_is_deleted_but_a_device_is_kept(tmp_path: Path) -> None:

@@ -6,15 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mcap.reader import make_reader
 from mcap.records import Attachment
 from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, Writer
-from mcap_protobuf.decoder import DecoderFactory
 
 import sonarhw.log.reader
 from sonarhw.errors import NotALog
-from sonarhw.log import Log, LogWriter, RecordedFrame, copy_log, read_log
+from sonarhw.log import Log, LogWriter, copy_log, read_log
 from sonarhw.log.writer import write_scan
 from sonarhw.readings import Reading, Trace
 from sonarhw.wire.messages import Finished, Hello, Info, Settings, Started, StartScan, TraceChunk
@@ -181,36 +179,6 @@ def test_a_late_reading_of_the_previous_scan_is_left_out_of_the_next_scan(
     record(tmp_path / "scan.mcap", [*first, finished, *again, late, (True, reading_frame(1, 2.0))])
     scans = read_log(tmp_path / "scan.mcap").scans
     assert [[round(r.time, 3) for r in scan.readings] for scan in scans] == [[1.0], [2.1]]
-
-
-def test_every_frame_is_kept_with_the_bytes_of_the_wire(tmp_path: Path) -> None:
-    hello = frame_of(Hello(1, 0), 3)
-    record(tmp_path / "scan.mcap", [(False, hello), (True, reading_frame(4))])
-    frames = [*read_log(tmp_path / "scan.mcap").frames]
-    assert [(frame.received, frame.wire) for frame in frames] == [(False, hello), (True, reading_frame(4))]
-    assert frames[1].time == pytest.approx(STARTED + 0.01, abs=1e-6)
-
-
-def test_a_scan_continued_after_a_reset_is_one_scan_on_one_clock(tmp_path: Path) -> None:
-    record(tmp_path / "scan.mcap", continued())
-    (scan,) = read_log(tmp_path / "scan.mcap").scans
-    assert [reading.number for reading in scan.readings] == [0, 1, 2, 3]
-    assert (scan.expected, scan.finished) == (4, Finished(22, 0, 4, ""))
-    times = [reading.time for reading in scan.readings]
-    assert times == sorted(times)
-    assert scan.began == pytest.approx(5.0)
-
-
-def test_a_sweep_continued_after_a_reset_is_one_laser_scan(tmp_path: Path) -> None:
-    path = tmp_path / "scan.mcap"
-    with LogWriter(path, METADATA) as log:
-        for received, wire in continued():
-            for reading in log.take(RecordedFrame(STARTED, received, wire)):
-                log.reading(reading)
-    with path.open("rb") as file:
-        reader = make_reader(file, decoder_factories=[DecoderFactory()])
-        sweeps = [scan for _, _, _, scan in reader.iter_decoded_messages(topics=["/scan"])]
-    assert [len(sweep.ranges) for sweep in sweeps] == [4]
 
 
 def test_a_lost_part_of_a_trace_is_a_gap(tmp_path: Path) -> None:

@@ -31,12 +31,6 @@ def playing(log: Log, speed: float = 1.0) -> Playback:
     return playback
 
 
-def test_playback_starts_with_all_readings_visible(log: Log) -> None:
-    playback = Playback(log)
-    assert (playback.count, playback.position) == (2 * COUNT, playback.duration)
-    assert playback.duration == pytest.approx(1.1 + 1.0 + 1.1)
-
-
 @pytest.mark.parametrize("speed", [0.1, 1.0, 3.0, 1000.0])
 def test_readings_appear_at_their_recorded_times_divided_by_the_speed(log: Log, speed: float) -> None:
     for passed in (0.05, 0.15, 0.95, 1.15, 2.05, 2.15):
@@ -62,14 +56,6 @@ def test_an_infinite_speed_is_accepted_and_zero_is_refused(log: Log) -> None:
     for speed in (0.0, -1.0, math.nan):
         with pytest.raises(ValueError, match="above 0"):
             playback.speed = speed
-
-
-def test_a_change_of_speed_keeps_the_position(log: Log) -> None:
-    playback = playing(log)
-    playback.advance(0.5)
-    playback.speed = 2.0
-    playback.advance(0.2)
-    assert playback.position == pytest.approx(0.9)
 
 
 def test_playback_stops_when_paused_and_at_the_end(log: Log) -> None:
@@ -125,11 +111,6 @@ def test_playback_seeks_to_a_reading_a_scan_and_a_sweep(log: Log) -> None:
             missing()
 
 
-def test_seeking_to_a_missing_sweep_raises_index_error(log: Log) -> None:
-    with pytest.raises(IndexError):
-        Playback(log).seek_sweep(0, 3)
-
-
 def test_playback_steps_reading_by_reading(log: Log) -> None:
     playback = playing(log)
     playback.advance(0.55)
@@ -180,11 +161,3 @@ def test_pauses_between_scans_and_slow_readings_are_not_gaps(log: Log) -> None:
     playback = Playback(replace(log, scans=(replace(scan, readings=slow),)))
     playback.skip_gaps = True
     assert playback.duration == pytest.approx(4.0 * (COUNT - 1))
-
-
-def test_scans_begin_at_their_first_reading(log: Log) -> None:
-    empty = replace(log.scans[0], readings=())
-    playback = Playback(replace(log, scans=(log.scans[0], empty, log.scans[1])))
-    first, second = playback.scan_starts
-    playback.seek(second)
-    assert (first, playback.count) == (pytest.approx(0.0), COUNT + 1)

@@ -88,28 +88,6 @@ def test_a_replayed_scan_equals_the_recorded_one_on_its_schedule(log: Log, speed
     assert [one.readings for one in talk.messages() if isinstance(one, Finished)] == [COUNT]
 
 
-def test_the_schedule_does_not_drift_when_the_clock_is_read_late(log: Log) -> None:
-    device = ReplayDevice(log)
-    talk = greeted(device)
-    begin, assembler = talk.clock(), ReadingAssembler()
-    talk.send(SCAN)
-    late = (begin + 0.0377 * k for k in range(60))
-    frames = [frame for now in late for frame in FrameDecoder().feed(device.advance(now)) if isinstance(frame, Frame)]
-    messages = [ReadingMessage.unpack(frame.payload) for frame in frames if frame.type == ReadingMessage.TYPE]
-    times = [reading.time for message in messages for reading in assembler.feed(message)]
-    assert [time - times[0] for time in times] == pytest.approx([r.time for r in log.readings[: len(times)]], abs=1e-5)
-    assert len(times) >= COUNT - 1
-
-
-def test_a_replay_answers_with_the_recorded_identity_and_settings(log: Log) -> None:
-    talk = greeted(ReplayDevice(log))
-    info, settings = talk.ask(Hello(1, 0), Info), talk.ask(CONFIGURE, Settings)
-    assert log.info is not None
-    assert log.settings is not None
-    assert info == replace(log.info, command=info.command)
-    assert settings == replace(log.settings, command=settings.command)
-
-
 @pytest.mark.parametrize(("writer", "origin"), [("simulate", Origin.SIMULATED), ("import", Origin.IMPORTED)])
 def test_a_scan_of_a_replay_has_the_origin_of_its_log(tmp_path: Path, writer: str, origin: Origin) -> None:
     write_scan(tmp_path / "log.mcap", LogMetadata(writer, STARTED), [example_reading(0)])
