@@ -3,13 +3,15 @@
 Each subcommand has its own file and imports heavy modules inside its function, so that `--help` stays fast.
 """
 
+import difflib
 import errno
 import logging
 import os
 import re
 import sys
+import warnings
 from collections.abc import Callable, Sequence
-from typing import Annotated, Any
+from typing import Annotated, Any, TextIO
 
 import typer
 from sonarhw_sim.compilation import watch_compilation
@@ -54,23 +56,68 @@ def _reworded(error: typer.TyperException) -> str:
 
 # words that other programs use, and the commands that do this
 _OTHER_WORDS = {
+    "analyse": "compare",
+    "analyze": "compare",
+    "connect": "info",
     "convert": "import",
     "devices": "ports",
+    "draw": "gui",
+    "edit": "gui",
+    "explain": "compare LOG --explain DEG",
     "find": "locate",
-    "help": "--help",
+    "init": "room new",
     "list": "ports",
+    "localise": "locate",
+    "localize": "locate",
+    "match": "compare",
     "measure": "scan",
     "open": "gui",
     "play": "replay",
     "plot": "compare LOG --plot PICTURE",
     "predict": "simulate",
+    "read": "scan",
     "record": "scan",
+    "run": "scan",
     "show": "gui",
+    "simulator": "fake",
+    "start": "scan",
     "test": "doctor",
     "upload": "flash",
     "version": "--version",
     "view": "gui",
 }
+_AIR = "the air stands in the room file, in the table [air]"
+_DIRECTIONS = "the headings of a scan are --from, --to and --step, in degrees"
+_FILE = "the name of a file stands without an option before it"
+_POSE = "the place of the sensor is --place NAME or --place X,Y,DEG"
+_PICTURE = "the ending of --out chooses a picture, such as --out FILE.png"
+_SCANNER = "the URL of the scanner stands without an option before it, such as /dev/ttyUSB0 or COM3"
+# words that other programs use for options, and what the command expects instead
+_OTHER_OPTIONS = {
+    "angles": _DIRECTIONS,
+    "baud": "the rate stands in the URL, such as `lines:/dev/ttyUSB0?baud=9600&preset=NAME`",
+    "device": _SCANNER,
+    "file": _FILE,
+    "format": "the ending of --out chooses the format",
+    "headings": _DIRECTIONS,
+    "humidity": _AIR,
+    "input": _FILE,
+    "log": _FILE,
+    "param": "the quantities to fit are --free, such as --free heading",
+    "parameter": "the quantities to fit are --free, such as --free heading",
+    "port": _SCANNER,
+    "place": "the pose is searched; to search near a known position, give --near X,Y",
+    "plot": _PICTURE,
+    "pos": _POSE,
+    "pose": _POSE,
+    "position": _POSE,
+    "start": _DIRECTIONS,
+    "stop": _DIRECTIONS,
+    "temperature": _AIR,
+    "url": _SCANNER,
+}
+_ALIKE = 0.75  # similarity of an option that is proposed; below, it is another word
+_GLOBAL = ("--quiet", "-q", "--verbose")
 _OF_A_FILE = {"log": "info", "profile": "check", "room": "check"}  # the command of a group that describes a file
 
 
@@ -79,6 +126,8 @@ def _with_help(message: str, error: typer.TyperException, arguments: Sequence[st
     context = getattr(error, "ctx", None)
     if context is None:
         return message
+    if message.startswith("No such option: "):
+        return _about_option(message, context, arguments)
     if meant := _meant(message, context, arguments):
         # an unknown command may be followed by the names of similar ones
         return f"{message.partition('. Did you mean')[0].rstrip('.')}; did you mean `{meant}`?"
@@ -89,15 +138,32 @@ def _with_help(message: str, error: typer.TyperException, arguments: Sequence[st
     return f"{message.rstrip('.')}; see `{context.command_path} --help`"
 
 
+def _about_option(message: str, context: typer.Context, arguments: Sequence[str]) -> str:
+    """Return the message about an unknown option, with the one that it probably means or what to write instead."""
+    names = sorted({name for parameter in context.command.params for name in parameter.opts})
+    word = message.removeprefix("No such option: ").partition(" (")[0]
+    # -room is read as the option -r
+    written = next((f"-{argument}" for argument in arguments if f"-{argument}" in names), "")
+    similar = [written] if written else difflib.get_close_matches(word, names, cutoff=_ALIKE)
+    if word in _GLOBAL:
+        name = context.command_path.partition(" ")[2]
+        return f"No such option: {word}; it stands before the command: `sonarhw {word} {name}`"
+    instead = _OTHER_OPTIONS.get(word.lstrip("-"), "")
+    if instead and all(option in names for option in re.findall(r"--[a-z]+", instead)):
+        return f"No such option: {word}; {instead}; see `{context.command_path} --help`"
+    if similar:
+        return f"No such option: {word}; did you mean {' or '.join(f'`{name}`' for name in similar)}?"
+    return f"No such option: {word}; see `{context.command_path} --help`"
+
+
 def _meant(message: str, context: typer.Context, arguments: Sequence[str]) -> str:
-    """Return the command or option that an unknown one probably means, or an empty text."""
-    if message.startswith("No such option: -"):
-        names = {name for parameter in context.command.params for name in parameter.opts}
-        return next((f"-{word}" for word in arguments if f"-{word}" in names), "")
+    """Return the command that an unknown one probably means, or an empty text."""
     unknown = re.match(r"No such command '([^']*)'", message)
     if unknown is None:
         return ""
     word, path = unknown[1], context.command_path
+    if word == "help":
+        return " ".join([path, *arguments[arguments.index(word) + 1 :], "--help"])
     groups: dict[str, Any] = getattr(context.command, "commands", {})
     if group := next((name for name, group in groups.items() if word in getattr(group, "commands", {})), ""):
         return f"{path} {group} {word}"
@@ -118,15 +184,22 @@ def _usage(context: typer.Context) -> str:
 
 
 def _with_argument_hint(message: str, arguments: Sequence[str]) -> str:
-    """Return the message with how to write X,Y or a second log if there is an argument too many."""
+    """Return the message with how to write X,Y, a room or a second log if there is an argument too many."""
     is_extra = message.startswith("Got unexpected extra argument")
     has_comma = any(argument.endswith(",") for argument in arguments)
     is_number = "--place" in arguments and re.search(r"\(-?[\d.]+\)", message) is not None
     if (is_extra and (has_comma or is_number)) or (message.startswith("--place: expected one for each") and has_comma):
         return f"{message}; write X,Y without a space"
+    room = next((name for name in arguments if is_extra and _is_room(name)), "")
+    if room and "--room" not in arguments and {"compare", "replay"} & set(arguments):
+        return f"{message}; give the room with `--room {room}`"
     if is_extra and "compare" in arguments:
         return f"{message}; to compare two logs, use `sonarhw compare A.mcap --with B.mcap`"
     return message
+
+
+def _is_room(name: str) -> bool:
+    return name.endswith(".toml") or name in options.complete_room(name)
 
 
 app = options.CommandList(
@@ -242,9 +315,24 @@ def run(arguments: list[str] | None = None) -> int:
     # matplotlib reports on its own cache of fonts, which is of no concern to the user
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
     try:
-        return _status(arguments)
+        with warnings.catch_warnings():
+            warnings.simplefilter("default", UserWarning)
+            warnings.showwarning = _warn
+            return _status(arguments)
     finally:
         _discard_unwritten()
+
+
+def _warn(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    """Print a warning of the library about its arguments as the command prints its own."""
+    options.warn(str(message))
 
 
 def _status(arguments: list[str] | None) -> int:

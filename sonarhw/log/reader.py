@@ -788,6 +788,8 @@ def read_log(path: Path | str) -> Log:
         if not file.size:
             raise NotALog(f"{path}: the file is empty; expected a log of sonarhw")
         if not mcap_records.is_mcap(file):
+            if path.suffix.lower() == ".toml":
+                raise NotALog(f"{path}: is a room file or a board profile; expected a log of sonarhw (*.mcap)")
             raise NotALog(
                 f"{path}: is not an MCAP file; expected a log of sonarhw; "
                 "`sonarhw import` converts a scan in CSV to a log"

@@ -2,6 +2,7 @@
 
 import logging
 import math
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -482,6 +483,8 @@ class Room:
         place = typed_place(name)
         if place is None:
             hint = " without a space" if name.endswith(",") else ""
+            if re.fullmatch(r"-?\d+,\d+,-?\d+,\d+", name):
+                hint = " with decimal points, such as 1.5,0.8"
             raise InputError(f"room {self.name!r}: no place {name!r}; {self._known_places()}, or X,Y in metres{hint}")
         return place
 
