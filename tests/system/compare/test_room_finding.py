@@ -140,41 +140,6 @@ def test_a_sensor_that_hears_less_than_its_profile_states_is_found_with_the_room
     assert "0 ± 4.0 dB was expected (its threshold_sd_db)" in room_file.read_text(encoding="utf-8")
 
 
-def test_an_unknown_pose_needs_a_search_for_the_room(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    poses = tmp_path / "poses.csv"
-    poses.write_text("log,x_m,y_m,heading_deg,sd_xy_m,sd_heading_deg\na.mcap,0,0,0,,\nb.mcap,,,,,")
-    first, second = logs(folder, "ab")
-    assert run(["map", first, second, "--poses", str(poses)]) == 2
-    assert f"--poses {poses}: gives no position or no heading of {second}; " in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (["--out", "a.toml", "--room", "simple"], "a room is found, or given"),
-        (["--next", "--room", "simple"], "--next, --room simple: a room is found, or given"),
-        (["--out", "a.html", "--room", "simple"], "a room is found, or given"),
-        (["--out", "a.toml", "--out", "b.toml"], "one room file, one report and one picture at most"),
-        (["--poses", "none.csv", "--pose", "0,0,0"], "contains the poses of all logs"),
-        (["--out", "a.txt"], "expected a name ending in"),
-    ],
-)
-def test_what_contradicts_itself_is_refused(
-    folder: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    options: list[str],
-    message: str,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert run(["map", *logs(folder, "a"), *options]) == 2
-    assert message in capsys.readouterr().err
-    assert not list(tmp_path.iterdir())
-
-
 def test_a_room_with_corners_to_both_sides_is_found_from_all_echoes() -> None:
     arena, board = load_room("arena"), load_board("polaroid-6500")
     scans = [predicted_scan(arena, arena.places[f"p{k}"], board, every=True) for k in range(5)]

@@ -104,57 +104,6 @@ def test_varied_properties_of_a_material_change_and_the_others_stay(
     assert room.scattered[shelf] == pytest.approx(reflectance * math.sqrt(scatter))
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("seed = 5", "sed = 5", "sed: unknown key"),
-        ("draws = 4", "draws = 0", "draws: expected greater than or equal to 1, got 0"),
-        ("/simple.toml", "/nowhere.toml", "no such file; give the name of a room file"),
-        ('"anywhere"]', '"attic"]', "rooms[0].places: room 'Simple room': no place 'attic'"),
-        ('"paper",', '"papre",', "boards[0]: unknown board 'papre'"),
-        ("-36.5]", "-36.5, 3.0]", "vary.board: threshold_db: expected less than or equal to 0 dB, got 3.0"),
-        ("[0.016, 0.0192]", "[0.016, 1.92]", "vary.board: aperture_radius: expected less than or equal to 1"),
-        ("[0.016, 0.0192]", "[0.02, 0.01]", "vary.board.aperture_radius: expected uniform = [low, high]"),
-        ("[0.016, 0.0192]", "[0.02, 0.01]", "with low below high, got [0.02, 0.01]"),
-        ('name = "test"', 'nam = "test"', "nam: unknown key; did you mean 'name'? (and 1 more)"),
-        ('"anywhere"]', '"anywhere"]\nclearance = 3', "rooms[0].clearance: room 'Simple room': no place is 3 m from"),
-        ("[-40, -36.5]", "[]", "vary.board.threshold_db: expected a value, a list of values"),
-        ("[-40, -36.5]", "[]", ", got []"),
-        ("uniform", "unifrom", "vary.board.aperture_radius: expected a value, a list of values"),
-        ("threshold_db = [", "treshold_db = [", "vary.board: treshold_db: unknown key"),
-        ("max_bounces = 4", "max_bounces = [4, 4]", "vary.options.max_bounces: expected different values"),
-        ("max_bounces = 4", 'receiver = "ear"', "vary.options: receiver: expected 'first-echo' or 'board', got 'ear'"),
-        (
-            "rays = 720",
-            'noise = 0.1\nreceiver = "first-echo"',
-            "noise: has no effect with this receiver; add",
-        ),
-        ("max_bounces = 4", "[vary.materials.felt]\nscatter = 0.1", "vary.materials.felt: no wall or post of any room"),
-        ("step = 30.0", "from = 90.0\nto = 20.0", "headings: there is no angle from 90 to below 20"),
-        ("step = 30.0", "step = 1e-300", "headings: step: a scan has"),
-        ("step = 30.0", "step = 0.001", "headings, at most 65535 are possible"),
-        ('["figure9", "anywhere"]', '["figure9"]\n', "nothing is random"),
-        (
-            "places = [",
-            'places = ["figure9"]\n[[rooms]]\nfile = "simple.toml"\nplaces = [',
-            "another room of the study has the same",
-        ),
-    ],
-)
-def test_errors_name_file_and_key(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, old: str, new: str, message: str
-) -> None:
-    assert old in SPEC
-    (tmp_path / "simple.toml").write_text((ROOMS / "simple.toml").read_text() + "\n# as it was before\n")
-    monkeypatch.setattr("sonarhw_compare.free_space._TRIES", 1000)  # fewer tries to draw a place
-    text = SPEC.replace(old, new)
-    if "random" in message:
-        text = text.replace("aperture_radius", "# aperture_radius")
-    with pytest.raises(InputError, match="^" + str(tmp_path)) as rejected:
-        study_of(tmp_path, text)
-    assert message in str(rejected.value)
-
-
 def test_a_scan_of_a_study_equals_simulate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = f'name = "one"\nboards = ["paper"]\n[[rooms]]\nfile = "{ROOMS}/simple.toml"\nplaces = ["figure9"]\n'
     assert run(["study", str(spec_of(tmp_path, text)), "--out", str(tmp_path / "out"), "--workers", "1"]) == 0

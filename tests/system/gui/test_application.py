@@ -51,47 +51,6 @@ def test_a_signal_during_a_scan_closes_window_and_log(tmp_path: Path, number: in
     assert log.readings
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["nowhere.mcap"], "nowhere.mcap: no such file"),
-        (["fake:nowhere.toml"], "nowhere.toml"),
-        ([f"fake:{ROOM}?place=nowhere"], "no place 'nowhere'"),
-        ([f"fake:{ROOM}?place=figure9&pace=never"], "pace never"),
-        (["/dev/null", "--place", "figure9"], "--place needs --room"),
-        (["/dev/null", "--board", "none"], "unknown board 'none'"),
-        (["nowhere.csv"], "nowhere.csv: no such file"),
-        (["nowhere.toml"], "nowhere.toml"),
-        (
-            [__file__],
-            "_application.py: expected a log (*.mcap), a scan (*.csv), a room (name or *.toml) or the URL of a scanner",
-        ),
-        (["/dev/ttyNONE"], "/dev/ttyNONE: there is no such file or port"),
-        ([f"{ROOM}l"], f"simple.tomll: there is no such file or port; did you mean '{ROOM}'? expected a log"),
-        (["labratory"], "labratory: there is no such file or port; did you mean 'laboratory'? expected a log"),
-        (["a.mcap", "b.csv"], "a.mcap b.csv: expected one log, scan or scanner at a time"),
-        (["a.toml", "b.toml", "/dev/null"], "a.toml b.toml: expected one room"),
-        (["a.toml", "--room", "b.toml"], "a.toml --room b.toml: expected one room"),
-        (["odd.csv"], "exactly one column with a name for a heading"),
-    ],
-)
-def test_invalid_arguments_give_one_line_and_no_window(
-    arguments: list[str],
-    message: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    if arguments == ["odd.csv"]:
-        monkeypatch.chdir(tmp_path)
-        Path("odd.csv").write_text("a,b\n1,2\n")
-    monkeypatch.setenv("DISPLAY", "")
-    assert run(["gui", *arguments]) == 2
-    errors = capsys.readouterr().err
-    assert message in errors
-    assert errors.count("\n") == 1
-
-
 @pytest.fixture
 def starts(monkeypatch: pytest.MonkeyPatch) -> list[tuple[WindowStart, str]]:
     """The arguments of `run_window`, which opens no window in these tests, and the URL of the scanner."""

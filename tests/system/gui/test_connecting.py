@@ -25,7 +25,7 @@ from sonarhw_sim.room.room import load_room
 from sonarhw.device.fake_board import BoardIdentity, FakeBoard
 from sonarhw.device.served import serve
 from sonarhw.errors import InputError
-from sonarhw.host.scanner import Scanner, probe_port
+from sonarhw.host.scanner import Scanner
 from sonarhw.link import Port, Usb
 from sonarhw.log import Log, read_log
 from sonarhw.readings import Origin, ScanOrder
@@ -125,14 +125,6 @@ def test_another_scanner_is_rejected_during_a_scan(open_session: OpenSession, fa
     assert "a scan is running" in session.notices.shown.text
     assert session.status.scanning
     assert (session.scanners.url, session.scanners.urls) == ("", ())
-
-
-@pytest.mark.parametrize("url", ["socket://127.0.0.1:9", "nonsense://x"])
-def test_a_port_without_a_scanner_gives_the_reason(url: str) -> None:
-    answers, why = probe_port(url, patience=0.3)
-    assert not answers
-    assert why.startswith("no scanner: ")
-    assert url not in why.split(":")[1]
 
 
 # fake scanners
@@ -237,25 +229,6 @@ def test_the_next_scan_of_its_own_fake_takes_place_board_and_room_as_they_are_sh
     until(lambda: session.shown.scene.room_file == "simple.toml")
     assert is_of(scan(session), session.shown.scene)
     assert session.notices.shown.text == ""
-
-
-def test_a_drag_during_a_sweep_counts_for_the_next_scan(open_on_fake: OpenOnFake) -> None:
-    session = open_on_fake(follows=True, pace="real")
-    before = session.shown.scene
-    session.scan()
-    until(lambda: len(session.shown.readings) >= 2)
-    session.showing.edit(with_sensor_at(before, (0.5, 0.3), 0.0), "moving the sensor")
-    until(lambda: session.status.fake[0] == "fake scanner, at figure7 until the next scan")
-    assert session.status.scanning
-    session.stop()
-    until(lambda: ended(session))
-    first = session.status.job.recording
-    assert is_of(read_log(first), before)
-    session.scan()
-    until(lambda: session.status.job.recording not in (None, first) and session.status.readings >= 2)
-    session.stop()
-    until(lambda: ended(session))
-    assert read_log(session.status.job.recording).metadata.place == "0.5,0.3"
 
 
 def test_a_typed_fake_keeps_its_place_and_board_and_the_window_says_so(open_on_fake: OpenOnFake) -> None:

@@ -2,7 +2,6 @@
 
 import gc
 import math
-import subprocess
 import sys
 import threading
 import time
@@ -310,25 +309,6 @@ def test_slow_drafts_have_fewer_bounces_and_no_path_detectable_at_any_heading_is
     assert loud <= set(whole.paths.lengths)
 
 
-def test_probabilities_follow_the_complete_outline_of_a_board_with_spreads(
-    forecast: Forecast, jobs: Jobs, scene: Scene
-) -> None:
-    forecast.set_scene(replace(scene, board=replace(scene.board, threshold_sd_db=3.0)))
-    until(lambda: forecast.take() and forecast.chances is not None)
-    chances, outline = forecast.chances, forecast.outline
-    cells = np.round(outline.ranges / chances.reach * chances.opacities.shape[1] - 0.5)
-    heard = np.flatnonzero((outline.over_threshold > 9.0) & (np.diff(cells, append=cells[0]) == 0))
-    assert len(heard) > 50
-    # echoes three standard deviations over the threshold are almost certain, unless an earlier one may be heard
-    assert np.median(chances.opacities[heard, cells[heard].astype(int)]) > 0.95
-    assert chances.opacities.max() <= 1.0
-    forecast.set_scene(scene)
-    assert forecast.chances is None
-    finished(forecast, jobs)
-    assert not jobs.busy("probabilities")
-    assert forecast.chances is None
-
-
 def test_only_a_stretch_that_grows_is_compared_again_and_a_reading_with_few_others(
     jobs: Jobs, scene: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -570,32 +550,3 @@ def test_garbage_is_freed_in_the_thread_of_the_window_and_older_objects_are_not_
             monkeypatch.setitem(sys.modules, f"imported_{number}", sys)
         until(lambda: not is_searched(late))
     assert gc.isenabled()
-
-
-# the resident memory, MiB, that 100 arrays of 1 MiB leave when they are freed; small arrays between them stay
-_FREED = """
-import numpy as np
-from pathlib import Path
-from sonarhw_gui.window.garbage import return_large_blocks
-
-def resident():
-    return int(Path("/proc/self/statm").read_text().split()[1]) * 4096 / 2**20
-
-{setting}
-np.ones(3 * 2**20)  # 24 MiB, freed at once: glibc raises its limit for blocks that it returns
-before = resident()
-pairs = [(np.ones(2**17), np.ones(1000)) for _ in range(100)]
-kept = [small for _, small in pairs]
-del pairs
-print(resident() - before)
-"""
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="a setting of glibc")
-def test_freed_arrays_between_small_objects_go_back_to_the_system() -> None:
-    def left(setting: str) -> float:
-        command = [sys.executable, "-c", _FREED.format(setting=setting)]
-        return float(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
-
-    assert left("return_large_blocks()") < 10
-    assert left("") > 50  # otherwise the setting is not needed

@@ -273,24 +273,6 @@ def test_changes_are_restored_after_another_file_was_opened_or_a_crash(
     assert after_a_crash.shown.scene.room.text == session.shown.scene.room.text
 
 
-def test_there_is_no_question_about_saved_or_undone_changes(start: Start, tmp_path: Path) -> None:
-    session, saved = start(ROOM), tmp_path / "saved.toml"
-    draw(session)
-    session.kept.rooms.write()
-    session.save_room(str(saved))
-    session.close()
-    for path in (ROOM, saved):
-        session = start(path)
-        assert question(session) == ""
-        session.close()
-    session = start(ROOM)
-    draw(session)
-    session.kept.rooms.write()
-    session.showing.undo()
-    session.close()
-    assert question(start(ROOM)) == ""
-
-
 def test_a_dismissed_question_comes_again_and_discarded_changes_do_not(start: Start) -> None:
     session = start(ROOM)
     draw(session)
@@ -348,17 +330,6 @@ def offered(folder: Path, scene: Scene) -> list[Scene]:
     notices = Notices()
     rooms_in(folder, notices).open(scene)
     return [read_unsaved(path).applied_to(scene) for path in offered_files(notices)]
-
-
-def test_a_moved_sensor_and_a_fitted_offset_are_restored(tmp_path: Path, scene: Scene) -> None:
-    moved, _ = sensor_at(scene, (0.4, 0.3))
-    board = parse_board(f"range_offset = 0.02\n{scene.board.text}", "board")
-    rooms = rooms_in(tmp_path, Notices())
-    rooms.open(scene)
-    rooms.change(replace(moved, board=replace(board, name=scene.board.name)), 0.0)
-    rooms.write()
-    (there,) = offered(tmp_path, scene)
-    assert (there.place, there.board.range_offset) == (moved.place, 0.02)
 
 
 def test_an_unreadable_file_is_kept_and_an_unwritable_folder_is_reported(tmp_path: Path, scene: Scene) -> None:

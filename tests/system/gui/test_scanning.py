@@ -14,7 +14,7 @@ from sonarhw_gui.model.edits import with_sensor_at
 from sonarhw_gui.model.look import MARKS, Unclassed, ViewLayer
 from sonarhw_gui.model.scene import Scene, scene_of_log
 from sonarhw_gui.session import session as tick_timer
-from sonarhw_gui.session.scanner import JobState, Phase, ScannerOpener
+from sonarhw_gui.session.scanner import JobState, Phase
 from sonarhw_gui.session.session import WindowSession
 from sonarhw_gui.session.status import Status, link_figures, order_of_sector, scan_summary, state_text
 from sonarhw_gui.window.bars import activity_text, badge_text
@@ -119,42 +119,6 @@ def test_a_scan_in_the_window_is_live_until_it_is_stopped(
     QApplication.sendEvent(window, QStatusTipEvent(window.commands.scan.statusTip()))
     assert not bar.currentMessage()  # hints of commands do not cover the status of a scan
     assert bar.activity.isVisible()
-
-
-def held_until_stopped(step: str, opener: ScannerOpener) -> ScannerOpener:
-    """Return an opener of a scanner that begins a step, `home` or `scan`, only after a stop has arrived."""
-
-    @contextmanager
-    def opened() -> Iterator[Scanner]:
-        stopped = threading.Event()
-        with opener() as scanner:
-            stop, begin = scanner.stop, getattr(scanner, step)
-
-            def stop_and_signal() -> None:
-                stop()
-                stopped.set()
-
-            def begin_later(*order: object) -> object:
-                assert stopped.wait(HANG)
-                return begin(*order)
-
-            scanner.stop = stop_and_signal
-            setattr(scanner, step, begin_later)
-            yield scanner
-
-    return opened
-
-
-@pytest.mark.parametrize(("step", "phase"), [("home", Phase.HOMING), ("scan", Phase.SCANNING)])
-def test_a_stop_before_the_first_reading_leaves_no_readings(
-    open_session: OpenSession, fake: OpenFake, step: str, phase: Phase
-) -> None:
-    session = open_session(held_until_stopped(step, fake("max")))
-    session.scan()
-    until(lambda: session.status.job.phase is phase)
-    session.stop()
-    until(lambda: idle(session, Phase.STOPPED))
-    assert (session.shown.readings, session.status.job.recording) == ((), None)
 
 
 def test_a_stop_that_is_sent_late_does_not_stop_the_next_scan(open_session: OpenSession, fake: OpenFake) -> None:
@@ -386,18 +350,6 @@ def test_f6_stops_a_turning_turntable_also_in_a_dialog_in_front_of_the_window(
         key(front, "F6")
         until(lambda: idle(window.session, Phase.STOPPED))
     assert window.banner.message == ""
-
-
-def test_without_a_scanner_its_buttons_are_disabled(open_with: OpenWith) -> None:
-    window = open_with()
-    panel, commands = window.device, window.commands
-    key(window, "F7")
-    assert panel.state.text() == "No scanner chosen"
-    buttons = (panel.connect_button, panel.disconnect_button, panel.turn, commands.home, commands.scan, commands.stop)
-    assert not any(button.isEnabled() for button in buttons)
-    panel.show_status(Status(JobState(angle=math.pi / 2, temperature_c=21.34), chosen=True))
-    assert (panel.angle.text(), panel.temperature.text()) == ("90.0°", "21.3 °C")
-    assert [label.text() for label in panel.figures][1:3] == ["–", "–"]
 
 
 def test_a_descending_sector_has_a_negative_step() -> None:

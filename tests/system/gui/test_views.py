@@ -17,22 +17,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from PySide6.QtCore import QPoint, QPointF, QRectF, Qt
-from PySide6.QtGui import QColor, QFontMetricsF, QGuiApplication, QImage, QPainter, QTextLayout
+from PySide6.QtGui import QColor, QFontMetricsF, QGuiApplication, QTextLayout
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QMenu, QWidget
 from pytestqt.qtbot import QtBot
 from sonarhw_compare.match import Kind, compare_readings
-from sonarhw_compare.pictures import RangeShading
 from sonarhw_gui.jobs import forecast
 from sonarhw_gui.jobs.forecast import STRETCH, ComparedScan, PathsFound, Stretch
 from sonarhw_gui.jobs.traces import Pane, bscan_slice, chosen_trace
-from sonarhw_gui.model.look import DARK, LIGHT, UNITS, LengthUnit, Look, Unclassed, ViewLayer
+from sonarhw_gui.model.look import DARK, LIGHT, LengthUnit, Look, Unclassed, ViewLayer
 from sonarhw_gui.model.rows import CLASSES, NO_ROWS, Column, ReadingRows, RowQuery, order_of, rows_as_csv
 from sonarhw_gui.model.scene import NoteTexts, Scene
 from sonarhw_gui.model.shown import Cursor, Shown
 from sonarhw_gui.views.base import View
 from sonarhw_gui.views.bscan import BScanView
-from sonarhw_gui.views.marks import Spots
 from sonarhw_gui.views.plan import PlanDrawing
 from sonarhw_gui.views.ranges import RangeView
 from sonarhw_gui.views.table import Sentence, TableView, shortened_to_lines
@@ -421,14 +419,6 @@ def test_the_trace_follows_and_sends_the_cursor_keeps_its_zoom_and_says_what_is_
         assert trace.canvas.grab().toImage().pixelColor(3, 3).name().upper() == state.look.palette.paper
 
 
-def test_before_the_first_reading_the_trace_extends_to_the_maximum_range(qtbot: QtBot, scene: Scene) -> None:
-    view = TraceView()
-    qtbot.addWidget(view)
-    view.show_state(Shown(scene))
-    begin, end = view.plot.viewRange()[0]
-    assert (begin, end * scene.room.air.speed_of_sound / 2) == (0.0, pytest.approx(scene.board.max_range))
-
-
 # ranges and residuals
 
 
@@ -518,46 +508,6 @@ def test_both_plots_share_headings_clicks_and_the_cursor(ranges: RangeView, four
     assert not any(line.isVisible() for line in ranges._pointer)
     ranges.ranges.setXRange(100, 200, padding=0)
     assert boxes[1].viewRange()[0] == pytest.approx([100, 200])
-
-
-def test_shading_has_the_opacity_of_the_probability(ranges: RangeView, four: Shown) -> None:
-    opacities = np.zeros((360, 10))
-    opacities[:, 4], opacities[75:105, 4] = 1.0, 0.5
-    ranges.show_state(replace(four, chances=RangeShading(np.radians(np.arange(360.0)), opacities, 1.0)))
-    shade, paper = (np.array(QColor(colour).getRgb()) for colour in (LIGHT.predicted, LIGHT.paper))
-    for heading, share in ((130.0, 1.0), (80.0, 0.5)):
-        colour = colour_at(ranges, ranges.ranges.vb, (heading, 0.45)).getRgb()
-        assert colour == pytest.approx(share * shade + (1 - share) * paper, abs=30)  # a grid line may cross
-    ranges.show_state(four)
-    assert not ranges.shading.isVisible()
-
-
-def _picture(qtbot: QtBot, scatter: pg.GraphicsObject, colours: tuple[str, ...]) -> bytes:
-    """Return the pixels of five spots, added in two steps, in the last of these colours."""
-    plot = pg.PlotWidget(background="k")
-    qtbot.addWidget(plot)
-    plot.resize(300, 200)
-    for axis in ("left", "bottom"):
-        plot.hideAxis(axis)
-    plot.setRange(xRange=(0, 6), yRange=(0, 4))
-    plot.addItem(scatter)
-    scatter.setData([1.0, 2.0, 3.0], [1.0, 3.0, 2.0])
-    scatter.addPoints([4.0, 5.0], [2.0, 1.0])
-    for colour in colours:
-        scatter.setBrush(pg.mkBrush(colour))
-    picture = QImage(300, 200, QImage.Format.Format_ARGB32)
-    picture.fill(0)
-    with QPainter(picture) as painter:
-        plot.scene().render(painter)
-    return bytes(picture.constBits())
-
-
-@pytest.mark.parametrize("symbol", ["o", "t", "crosshair"])
-def test_spots_look_as_those_of_pyqtgraph(qtbot: QtBot, symbol: str) -> None:
-    style = {"symbol": symbol, "size": 11, "pen": pg.mkPen("y", width=2)}
-    expected = _picture(qtbot, pg.ScatterPlotItem(**style), ("g", "r"))
-    assert _picture(qtbot, Spots(**style), ("g", "r")) == expected
-    assert _picture(qtbot, Spots(**style), ("r", "g")) != expected
 
 
 # the table
@@ -703,46 +653,6 @@ def test_copied_rows_are_csv_in_metres_and_degrees_with_any_look(table: TableVie
     table.view.setFocus()
     key(table.view, "Ctrl+C")
     assert [row["number"] for row in clipboard_rows()] == listed(table)[:3]
-
-
-def test_the_chosen_reading_is_visible_in_a_shrinking_table_and_a_growing_scan_without_picking(
-    qtbot: QtBot, table: TableView, shown: Shown
-) -> None:
-    with qtbot.assertNotEmitted(table.gestures.picked):
-        table.show_state(replace(shown, chosen=20))
-        assert [index.row() for index in table.view.selectionModel().selectedRows()] == [20]
-        table.resize(900, 110)
-        chosen, viewport = table.view.currentIndex(), table.view.viewport()
-        until(lambda: viewport.rect().contains(table.view.visualRect(chosen).center()))
-        for count in (*range(1, COUNT + 1), 5):
-            table.show_state(replace(shown, readings=shown.readings[:count], chosen=count - 1))
-            assert table.view.currentIndex().row() == count - 1
-    assert listed(table) == [str(k) for k in range(5)]
-
-
-def test_predicted_values_are_grey_while_they_are_outdated_and_readings_without_class_are_named(
-    table: TableView, shown: Shown
-) -> None:
-    def inks() -> list[str]:
-        cells = [table.model.index(0, column) for column in Column]
-        brushes = [table.model.data(one, Qt.ItemDataRole.ForegroundRole) for one in cells]
-        return ["" if brush is None else brush.color().name() for brush in brushes]
-
-    grey, count = QColor(shown.look.palette.faint).name(), table.classes[Kind.MATCH]
-    for outdated, ink in ((True, grey), (False, "")):
-        table.show_state(replace(shown, outdated=outdated))
-        assert inks() == ["" if column < Column.PREDICTED or column is Column.NOTE else ink for column in Column]
-        assert (count.palette().buttonText().color().name() == grey) is outdated
-    without = replace(shown.scene, room=None, place=None)
-    for scene, kind, name in (
-        (shown.scene, Unclassed.WAITING, "not compared"),
-        (without, Unclassed.MEASURED, "measured"),
-    ):
-        table.show_state(replace(shown, compared=None, scene=scene))
-        assert set(listed(table, Column.CLASS)) == {name}
-        assert table.classes[kind].text() == f"{COUNT} {name}"
-    needed = table.view.fontMetrics().horizontalAdvance("measured") + 20 + 8
-    assert table.view.columnWidth(Column.CLASS) >= needed
 
 
 @pytest.mark.parametrize(
@@ -908,16 +818,3 @@ def test_a_dense_scan_is_compared_from_the_selected_reading_on_and_its_classes_c
         colour = image.pixelColor(round(at.x() * ratio), round(at.y() * ratio))
         own = QColor(session.shown.look.palette.of(kind)).getRgb()
         assert colour.getRgb() == pytest.approx(own, abs=30)  # lines of the grid are drawn over the marks
-
-
-def test_sentence_tooltip_and_table_follow_the_unit(window: MainWindow) -> None:
-    session = window.session
-    session.showing.choose(27)
-    heard = session.shown.chosen_reading.range
-    for unit in (LengthUnit.CM, LengthUnit.FT, LengthUnit.M):
-        session.showing.set_look(Look(unit=unit))
-        assert window.sentence.text().startswith(f"{unit.text(heard)} at 270.0°: ")
-        assert window.views.table.model.index(27, Column.SENTENCE).data().startswith(unit.text(heard))
-        said = [session.shown.sentence_of(k) for k in range(ORDER.readings)]
-        others = [other for other in UNITS if other is not unit]
-        assert not [one for one in said for other in others if re.search(rf"\d {other.label}\b", one)]

@@ -142,48 +142,10 @@ def test_poses_come_in_the_order_of_the_logs_and_what_a_row_lacks_is_unknown(
             read_poses(rows, LOGS[::-1])
 
 
-@pytest.mark.parametrize(
-    ("lines", "message"),
-    [
-        (["log,x,y"], "line 1: expected the header log,x_m"),
-        ([], "poses.csv: the file is empty; expected the header log,x_m"),
-        ([HEADER, FIRST], "no row for b.mcap; expected one for each log, .* the rows are for a.mcap"),
-        ([HEADER, FIRST, FIRST], "line 3: a.mcap was given before"),
-        ([HEADER, "a.mcap,1,,0,,"], "line 2: expected x and y, or neither"),
-        ([HEADER, "a.mcap,,,90,0.03,2"], "line 2: expected x and y, or neither and no sd_xy_m"),
-        ([HEADER, "a.mcap,1,2,,0.03,2"], "line 2: expected a heading, or no sd_heading_deg"),
-        ([HEADER, "a.mcap,1,2,0"], "line 2: expected 6 columns"),
-        (
-            [HEADER.replace(",", ";"), "a.mcap;1,5;2;0;;"],
-            "line 1: the columns are separated by semicolons; expected",
-        ),
-        ([HEADER, "a.mcap,1,5,2,0,,"], "line 2: expected 6 columns .*, got 7; write numbers with a point"),
-        ([HEADER, 'a.mcap,"1,5",2,0,,'], "line 2: expected a number, such as 1.5, got '1,5'"),
-        ([HEADER, "a.mcap,1,inf,0,,"], "line 2: expected a finite number"),
-        ([HEADER, "a.mcap,1,2,0,-1,"], "line 2: expected standard deviations of 0 or more"),
-        ([HEADER, "a.mcap,1,2,0,101,"], "line 2: expected standard deviations of at most 100 m and 180°, got 101 m"),
-        ([HEADER, "a.mcap,1,2,0,,1e9"], "line 2: .* got 0 m and 1e\\+09°; leave position or heading, .* empty"),
-        ([HEADER, "a.mcap," + 200_000 * "1"], "line 2: has more than 65536 characters; expected a table of poses"),
-        (["\udcff"], r"not UTF-8 text: byte 0xff; expected a table of poses \(CSV\) in UTF-8"),
-        (None, r"poses\.csv: no such file; give the name of a table of poses"),
-    ],
-)
-def test_a_wrong_table_of_poses_is_refused(tmp_path: Path, lines: list[str] | None, message: str) -> None:
-    path = tmp_path / "poses.csv"
-    if lines is not None:
-        path.write_bytes("\n".join(lines).encode(errors="surrogateescape"))
-    with pytest.raises(InputError, match=message):
-        read_poses(path, LOGS)
-
-
 def test_logs_of_one_name_are_told_apart_by_their_paths(tmp_path: Path) -> None:
     logs = [Path("a/scan.mcap"), Path("b/scan.mcap")]
     read = read_poses(table(tmp_path, HEADER, "b/scan.mcap,3,4,0,,", "./a/scan.mcap,1,2,0,,"), logs)
     assert [place.position for place, _ in read] == [(1.0, 2.0), (3.0, 4.0)]
-    with pytest.raises(InputError, match=r"a/scan\.mcap and b/scan\.mcap have the same file name; expected rows with"):
-        read_poses(table(tmp_path, HEADER, "scan.mcap,1,2,0,,"), logs)
-    with pytest.raises(InputError, match=r"c/scan\.mcap and d/scan\.mcap have the same file name"):
-        read_poses(table(tmp_path, HEADER, "c/scan.mcap,1,2,0,,", "d/scan.mcap,1,2,0,,"), logs[:1])
 
 
 # A robot that is tracked.

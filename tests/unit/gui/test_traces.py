@@ -37,7 +37,7 @@ from sonarhw_gui.jobs.traces import (
 )
 from sonarhw_gui.model.look import LIGHT
 from sonarhw_gui.model.scene import Scene
-from sonarhw_gui.session.scanner import PackedTrace, packed, with_packed_trace
+from sonarhw_gui.session.scanner import PackedTrace, packed
 from sonarhw_sim.air import Air, Receiver
 from sonarhw_sim.board.profile import Mount, load_board
 from sonarhw_sim.board.signal import CONVERTER_RATE
@@ -140,12 +140,6 @@ def test_the_newest_reading_lies_at_its_heading_in_the_room() -> None:
     assert [bscan.row_at(math.radians(degrees)) for degrees in (20.0, 380.0, 200.0)] == [0, 0, None]
     old, new = reading(0, 90.0), reading(7, 90.0)
     assert newest_by_heading([old, reading(3, 180.0), new], paper, 0.0)[heading_key(math.pi / 2)] is new
-
-
-@pytest.mark.parametrize(("heading", "row"), [(1.04, 0), (1.06, -1), (1.94, -1), (1.96, 1), (2.04 - math.tau, 1)])
-def test_a_heading_has_a_row_up_to_half_a_step_from_it(heading: float, row: int) -> None:
-    scan = BScan(np.array([1.0, 2.0]), RangeCells(0.1, 3), np.ones((2, 3)), 0.1)
-    assert scan.rows_at(np.array([heading])).tolist() == [row]
 
 
 def test_each_heading_has_the_nearest_of_many_rows_and_a_point_the_level_of_its_cell() -> None:
@@ -339,15 +333,6 @@ def test_a_carrier_is_predicted_at_the_sample_rate_of_the_measured_one(before_a_
     assert plain.duration == pytest.approx(499 / 50e3)
 
 
-def test_without_prediction_the_measured_trace_is_shown(scene: Scene) -> None:
-    made = Reading(0, 0, 0, 0.0, 0.0, (0.0012, 0.0018), SPEED, trace=Trace(np.full(100, 0.1), 50e3, 0.001))
-    trace = chosen_trace(scene, made, None, 0)
-    assert (trace.predicted, trace.echoes) == (None, ())
-    np.testing.assert_allclose(trace.measured.envelope.values, -20.0)
-    assert trace.measured.envelope.times[0] == 0.001
-    assert trace.echo_times.tolist() == [0.0012, 0.0018]
-
-
 # packed traces
 
 FORMS = {8: (np.uint8, FULL_SCALE), 16: (np.uint16, 257 * FULL_SCALE)}
@@ -366,11 +351,3 @@ def test_a_packed_trace_has_the_same_samples_in_an_eighth_or_a_quarter_of_the_me
     np.testing.assert_array_equal(small.times, trace.times)
     assert (small.rate, small.start, small.carrier) == (50e3, 0.001, carrier)
     assert sys.getsizeof(small.__dict__["_steps"]) < trace.samples.nbytes * bits / 64 + 200
-
-
-def test_what_are_no_converter_steps_is_not_packed() -> None:
-    for samples in ([0.1234567], [np.nan, 0.0], [-0.5], [1.5]):
-        trace = Trace(np.array(samples), 50e3, 0.0)
-        assert packed(trace) is trace
-    silent = reading(0, 0.0)
-    assert with_packed_trace(silent) is silent

@@ -185,26 +185,6 @@ def test_viewers_receive_what_was_published_last_before_the_end() -> None:
         assert [len(received(socket, channels)["/readings"]) for socket, channels in viewers] == [5] * 20
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (("--foxglove", "--tcp", "127.0.0.1:{port}"), "127.0.0.1:{port}: cannot listen there: Address already in use"),
-        (("--foxglove", "--tcp", "8765"), "8765: expected HOST:PORT"),
-        (("--tcp", "127.0.0.1:0"), "give --foxglove"),
-        (("--foxglove", "--out", "scan.mcap"), "--out: give the number of sweeps, too"),
-        (("--foxglove", "--place", "figure9"), "--place needs --room"),
-        (("--foxglove", "--sweeps", "65536"), "--sweeps 65536: expected a number less than or equal to 65535"),
-    ],
-)
-def test_a_wrong_order_is_refused_in_one_line(options: tuple[str, ...], message: str) -> None:
-    with closing(socket.create_server(("127.0.0.1", 0))) as taken:
-        port = taken.getsockname()[1]
-        done = sonarhw("serve", "fake:simple?place=figure9", *(option.format(port=port) for option in options))
-    assert done.returncode > 0
-    assert done.stderr.startswith(f"sonarhw: {message.format(port=port)}")
-    assert done.stderr.count("\n") == 1
-
-
 def test_the_missing_extra_is_named() -> None:
     program = "import sys; sys.modules['foxglove'] = None; from sonarhw_cli.entry import main; main()"
     command = [sys.executable, "-c", program, "serve", "fake:simple?place=figure9", "--foxglove"]
