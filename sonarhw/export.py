@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 
 HEADER = "time_s,heading_deg,range_m,echoes_s"
+POSE_HEADER = "x_m,y_m,yaw_deg"  # of a robot, in logs with poses
 _QUOTED = tuple(',"')  # characters in a cell that needs quotes; line breaks are escaped
 
 
@@ -32,15 +33,26 @@ def row(reading: "Reading", began: float) -> str:
 def write_csv(log: "Log", file: BinaryIO, notes: Mapping[int, str]) -> None:
     """Write the readings of all scans to `file`: a header, then one line per reading.
 
-    `notes`: by the place of their reading in the log, from 0. With any, `note` is a fifth column.
+    If any reading has a pose, the columns of POSE_HEADER follow. `notes`: by the place of their reading in the log,
+    from 0. With any, `note` is the last column.
     """
-    file.write(f"{HEADER}{',note' if notes else ''}\n".encode())
+    has_poses = any(reading.pose for scan in log.scans for reading in scan.readings)
+    file.write(f"{HEADER}{f',{POSE_HEADER}' if has_poses else ''}{',note' if notes else ''}\n".encode())
     place = 0
     for scan in log.scans:
         for reading in scan.readings:
             note = f",{_quoted(text_cell(notes.get(place, '')))}" if notes else ""
-            file.write(f"{row(reading, scan.began)}{note}\n".encode())
+            pose = _pose_cells(reading) if has_poses else ""
+            file.write(f"{row(reading, scan.began)}{pose}{note}\n".encode())
             place += 1
+
+
+def _pose_cells(reading: "Reading") -> str:
+    """Return the pose of a reading as the last cells of a line, empty without one."""
+    if reading.pose is None:
+        return ",,,"
+    x, y, heading = reading.pose
+    return f",{number(x)},{number(y)},{number(math.degrees(heading))}"
 
 
 def _quoted(cell: str) -> str:

@@ -66,9 +66,9 @@ class FoxgloveServer:
             stopping.join(_STOPPED_WITHIN)
 
     def reading(self, reading: Reading) -> None:
-        """Publish a reading and its trace."""
+        """Publish a reading, its pose and its trace."""
         measured = time.time() if reading.host_time is None else reading.host_time
-        for topic, data in reading_messages(reading):
+        for topic, data in reading_messages(reading, measured):
             self._channels[topic].log(data, log_time=round(possible_time(measured) * 1e9))
 
     def sweep(self, readings: Sequence[Reading], predicted: Sequence[float | None] | None = None) -> None:

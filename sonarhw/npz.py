@@ -25,9 +25,10 @@ def write_npz(log: "Log", file: BinaryIO, notes: Mapping[int, str]) -> None:
 
     One row per reading: `scan`, `number`, `sweep`, `ping`; `time_s` since the start of its scan; `heading_deg`, the
     turntable angle; `range_m`, NaN without an echo; `echoes_s` (n, most echoes), padded with NaN; `temperature_c`, NaN
-    without a thermometer; `speed_of_sound`. With traces also `traces` (n, longest) float32, padded with NaN,
-    `trace_rate_hz` and `trace_start_s`. With `notes`, by the place of their reading in the log, also `notes`, empty for
-    readings without one. Raises NotALog if a trace can no longer be read.
+    without a thermometer; `speed_of_sound`. With poses also `x_m`, `y_m` and `yaw_deg`, NaN without one. With traces
+    also `traces` (n, longest) float32, padded with NaN, `trace_rate_hz` and `trace_start_s`. With `notes`, by the place
+    of their reading in the log, also `notes`, empty for readings without one. Raises NotALog if a trace can no
+    longer be read.
     """
     rows = [(index, scan, reading) for index, scan in enumerate(log.scans) for reading in scan.readings]
     readings = [reading for _, _, reading in rows]
@@ -43,6 +44,9 @@ def write_npz(log: "Log", file: BinaryIO, notes: Mapping[int, str]) -> None:
         "temperature_c": _floats([reading.temperature_c for reading in readings]),
         "speed_of_sound": np.array([reading.speed_of_sound for reading in readings], np.float64),
     }
+    if any(reading.pose for reading in readings):
+        poses = np.array([reading.pose or (math.nan,) * 3 for reading in readings], np.float64)
+        columns |= {"x_m": poses[:, 0], "y_m": poses[:, 1], "yaw_deg": np.degrees(poses[:, 2])}
     if notes:
         columns["notes"] = np.array([notes.get(place, "") for place in range(len(rows))], np.str_)
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=_FAST) as archive:

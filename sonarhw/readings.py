@@ -17,6 +17,8 @@ from sonarhw.errors import InputError
 
 FloatArray: TypeAlias = NDArray[np.float64]
 BoolArray: TypeAlias = NDArray[np.bool_]
+# of a robot or of the turntable's zero: x and y, m, and the heading, rad, counter-clockwise from x, as seen from above
+RobotPose: TypeAlias = tuple[float, float, float]
 
 
 def angle_difference(angles: FloatArray, reference: FloatArray | float) -> FloatArray:
@@ -48,6 +50,21 @@ def turned_near(heading: float, around: float = 0.0) -> float:
 def estimate_degrees(heading: float, around: float = 0.0, decimals: int = 9) -> float:
     """Return an estimated heading (rad) in degrees, within (-180, 180] of `around` (rad), never -0."""
     return round(math.degrees(turned_near(heading, around)), decimals) + 0.0
+
+
+def moved_by(pose: RobotPose, step: RobotPose) -> RobotPose:
+    """Return the pose after a step: ahead and to the left of `pose` (m), and the turn to the left (rad)."""
+    (x, y, heading), (ahead, left, turn) = pose, step
+    cosine, sine = math.cos(heading), math.sin(heading)
+    return x + cosine * ahead - sine * left, y + sine * ahead + cosine * left, heading + turn
+
+
+def step_between(before: RobotPose, after: RobotPose) -> RobotPose:
+    """Return the step from one pose to another, as odometry states it; its turn is in [-π, π]."""
+    dx, dy = after[0] - before[0], after[1] - before[1]
+    cosine, sine = math.cos(before[2]), math.sin(before[2])
+    turn = math.remainder(after[2] - before[2], math.tau)
+    return cosine * dx + sine * dy, cosine * dy - sine * dx, turn
 
 
 def same_values(one: object, other: object) -> bool:
@@ -150,6 +167,7 @@ class Reading:
     trace: Trace | None = None
     host_time: float | None = field(default=None, compare=False)  # `time` on the host's clock, s since the epoch
     origin: Origin | None = field(default=None, compare=False)  # None: the device has not identified itself
+    pose: RobotPose | None = None  # at this ping; None: the sensor does not move, or its poses are unknown
 
     @property
     def echo_ranges(self) -> tuple[float, ...]:

@@ -27,6 +27,7 @@ from sonarhw.readings import (
     FloatArray,
     Origin,
     Reading,
+    RobotPose,
     Trace,
     lost_steps_clause,
     origin_of,
@@ -55,8 +56,9 @@ READINGS = "/readings"
 SWEEPS = "/scan"
 BYTES = "/bytes/rx"  # as received from a device that sends no frames
 TRACES = "/traces"  # decoded, for log viewers; never read back
+POSES = "/poses"  # the pose of each reading of a sensor that moves
 # in the order of their channel numbers, from 1, so that a log without its channel records can be read
-TOPICS = (FRAMES_RECEIVED, FRAMES_SENT, READINGS, SWEEPS, BYTES, TRACES)
+TOPICS = (FRAMES_RECEIVED, FRAMES_SENT, READINGS, SWEEPS, BYTES, TRACES, POSES)
 
 
 @dataclass(frozen=True)
@@ -209,6 +211,7 @@ Span = tuple[int, int]  # offsets of the first and last chunk that contain a rea
 
 _INTEGERS = ("number", "sweep", "ping", "echoes", "first_chunk", "last_chunk")
 _FLOATS = ("angle", "time", "speed_of_sound", "temperature_c", "host_time")
+_POSE = ("pose_x", "pose_y", "pose_heading")  # m, m, rad; only in scans with poses, NaN for readings without one
 NO_TRACE = -1
 # limits of a frame
 _MOST_ECHOES = 255
@@ -223,6 +226,7 @@ class ReadingColumns:
         self._floats = {name: array("d") for name in _FLOATS}
         self._echo_times = array("d")
         self._rows: dict[int, int] = {}  # by number
+        self._poses: dict[int, RobotPose] = {}  # by row
 
     def __len__(self) -> int:
         return len(self._integers["number"])
@@ -248,6 +252,11 @@ class ReadingColumns:
             self._floats[name].append(number)
         self._echo_times.extend(reading.echo_times)
 
+    def place(self, number: int, pose: RobotPose) -> None:
+        """Set the pose of a reading. Ignored if there is no reading with this number."""
+        if number in self._rows:
+            self._poses[self._rows[number]] = pose
+
     def extend_trace(self, number: int, began: int, chunk: int) -> None:
         """Extend the span of a reading to `chunk`, which contains a part of its trace. `began` contains the reading."""
         row = self._rows[number]
@@ -259,17 +268,24 @@ class ReadingColumns:
         """Return arrays in the order of the rows. `echo_times` has the echoes of all readings, one after another."""
         integers = {name: np.array(values, np.int64) for name, values in self._integers.items()}
         floats = {name: np.array(values, np.float64) for name, values in self._floats.items()}
-        return {**integers, **floats, "echo_times": np.array(self._echo_times, np.float64)}
+        columns: Columns = {**integers, **floats, "echo_times": np.array(self._echo_times, np.float64)}
+        if self._poses:
+            poses = np.full((len(self), len(_POSE)), np.nan)
+            poses[[*self._poses]] = [*self._poses.values()]
+            columns |= {name: np.ascontiguousarray(column) for name, column in zip(_POSE, poses.T, strict=True)}
+        return columns
 
 
 def check_columns(columns: Columns, end: int) -> None:
     """Raise ValueError unless `columns` may come from `ReadingColumns.columns`, for a log with chunks before `end`."""
-    wanted = {**dict.fromkeys(_INTEGERS, np.int64), **dict.fromkeys((*_FLOATS, "echo_times"), np.float64)}
+    of_poses = _POSE if _POSE[0] in columns else ()
+    floats = (*_FLOATS, *of_poses)
+    wanted = {**dict.fromkeys(_INTEGERS, np.int64), **dict.fromkeys((*floats, "echo_times"), np.float64)}
     if {name: column.dtype for name, column in columns.items()} != wanted:
         raise ValueError("other columns or types")
     count, echoes, times = len(columns["number"]), columns["echoes"], columns["echo_times"]
     first, last = columns["first_chunk"], columns["last_chunk"]
-    if any(columns[name].shape != (count,) for name in (*_INTEGERS, *_FLOATS)):
+    if any(columns[name].shape != (count,) for name in (*_INTEGERS, *floats)):
         raise ValueError("columns of several lengths")
     if (echoes < 0).any() or (echoes > _MOST_ECHOES).any() or int(echoes.sum()) != len(times):
         raise ValueError("another number of echoes")
@@ -291,9 +307,10 @@ def readings_of(columns: Columns, trace: Callable[[int, Span], Trace], origin: O
 
 def _rows(columns: Columns, trace: Callable[[int, Span], Trace], origin: Origin) -> Iterator[Reading]:
     echo_times = columns["echo_times"].tolist()
+    poses = _poses(columns)
     used = 0
     names = (*_INTEGERS, *_FLOATS)
-    for row in zip(*(columns[name].tolist() for name in names), strict=True):
+    for row, pose in zip(zip(*(columns[name].tolist() for name in names), strict=True), poses, strict=True):
         number, sweep, ping, echoes, first, last, angle, time, speed, *maybe = row
         temperature, host_time = (None if value != value else value for value in maybe)
         times = tuple(echo_times[used : used + echoes])
@@ -310,7 +327,16 @@ def _rows(columns: Columns, trace: Callable[[int, Span], Trace], origin: Origin)
             trace=None if first == NO_TRACE else trace(number, (first, last)),
             host_time=host_time,
             origin=origin,
+            pose=pose,
         )
+
+
+def _poses(columns: Columns) -> list[RobotPose | None]:
+    """Return the pose of each row; None where it is unknown."""
+    if _POSE[0] not in columns:
+        return [None] * len(columns["number"])
+    x, y, headings = (columns[name].tolist() for name in _POSE)
+    return [pose if all(map(math.isfinite, pose)) else None for pose in zip(x, y, headings, strict=True)]
 
 
 # the frames and traces of a log, which are read from the file on access
@@ -495,6 +521,11 @@ class ScanDecoder:
             self._newest_us = frame.time_us
             self._clock.add_frame(frame.time_us, recorded.time)
         return self._keep(self._from_device(frame, message), place)
+
+    def place(self, number: int, pose: RobotPose) -> None:
+        """Set the pose of a reading of the newest scan."""
+        if self._scans:
+            self._scans[-1].readings.place(number, pose)
 
     @property
     def begun(self) -> int:
@@ -887,6 +918,8 @@ def _decoded(
             case mcap_records.McapMessage():
                 if frame := recorded_frame(item, topics):
                     decoder.take(frame, item.at)
+                elif topics.get(item.channel) == POSES and (placed := _decoded_pose(item.data)):
+                    decoder.place(*placed)
                 elif topics.get(item.channel) == READINGS and decoder.settings is None:
                     speeds.update(_decoded_speed(item.data))
             case mcap_records.Record():
@@ -908,6 +941,16 @@ def _decoded_speed(data: bytes) -> _Speeds:
         return {(record["number"], round(record["time"] * 1e6)): float(record["speed_of_sound"])}
     except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
         return {}
+
+
+def _decoded_pose(data: bytes) -> tuple[int, RobotPose] | None:
+    """Return the number of a reading and its pose; None if the message is damaged."""
+    try:
+        record = json.loads(data)
+        pose = tuple(float(part) for part in (*map(record["translation"].get, "xy"), record["heading"]))
+        return (int(record["number"]), (pose[0], pose[1], pose[2])) if all(map(math.isfinite, pose)) else None
+    except (ValueError, LookupError, TypeError, AttributeError, OverflowError, RecursionError):
+        return None
 
 
 def _has_no_speed(indexed: IndexedScan) -> bool:

@@ -31,7 +31,7 @@ from mcap_protobuf.schema import build_file_descriptor_set
 from sonarhw.errors import LogError, counted_are
 from sonarhw.files import DiskSpaceMonitor, atomic_file, replace_regular
 from sonarhw.log import reader
-from sonarhw.readings import Reading, Trace
+from sonarhw.readings import Reading, RobotPose, Trace
 from sonarhw.wire import messages
 from sonarhw.wire.frames import Frame, encode_frame, frame_type
 from sonarhw.wire.limits import KEPT_READINGS, PROTOCOL_MAJOR, PROTOCOL_MINOR
@@ -465,21 +465,56 @@ def _protobuf(message: Any) -> Channel:
     return Channel(MessageEncoding.Protobuf, message.DESCRIPTOR.full_name, SchemaEncoding.Protobuf, schema)
 
 
+_POINT, _TURN = ({"type": "object", "properties": {k: {"type": "number"} for k in axes}} for axes in ("xyz", "xyzw"))
+# a viewer such as Foxglove draws the sweeps where they were made
+_POSE_SCHEMA = {
+    "type": "object",
+    "properties": {
+        "timestamp": {"type": "object", "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}}},
+        "parent_frame_id": {"type": "string"},
+        "child_frame_id": {"type": "string"},
+        "translation": _POINT,
+        "rotation": _TURN,
+        "number": {"type": "integer", "description": "number of the reading in its scan"},
+        "heading": {"type": "number", "description": "rad, counter-clockwise from x"},
+    },
+}
+
 DECODED = {
     reader.READINGS: Channel(
         MessageEncoding.JSON, "sonarhw.Reading", SchemaEncoding.JSONSchema, json.dumps(_READING_SCHEMA).encode()
     ),
     reader.SWEEPS: _protobuf(LaserScan),
     reader.TRACES: _protobuf(TraceMessage),
+    reader.POSES: Channel(
+        MessageEncoding.JSON, "foxglove.FrameTransform", SchemaEncoding.JSONSchema, json.dumps(_POSE_SCHEMA).encode()
+    ),
 }
 
 
-def reading_messages(reading: Reading) -> Iterator[tuple[str, bytes]]:
-    """Yield topic and message of a reading, and of its trace if it has one."""
+def reading_messages(reading: Reading, time: float) -> Iterator[tuple[str, bytes]]:
+    """Yield topic and message of a reading made at `time` (s since the epoch), and of pose and trace if it has them."""
+    if reading.pose is not None:
+        yield reader.POSES, json.dumps(_pose_record(reading.number, reading.pose, time)).encode()
     yield reader.READINGS, json.dumps(_reading_record(reading)).encode()
     if reading.trace is not None:
         message = trace_message(reading.number, math.degrees(reading.angle), reading.trace)
         yield reader.TRACES, message.SerializeToString()
+
+
+def _pose_record(number: int, pose: RobotPose, time: float) -> dict[str, Any]:
+    """Return the JSON fields of a pose: a foxglove.FrameTransform, with the number of its reading and its heading."""
+    x, y, heading = pose
+    seconds, nanoseconds = divmod(round(reader.possible_time(time) * 1e9), 10**9)
+    return {
+        "timestamp": {"sec": seconds, "nsec": nanoseconds},
+        "parent_frame_id": "room",
+        "child_frame_id": FRAME_ID,
+        "translation": {"x": x, "y": y, "z": 0.0},
+        "rotation": {"x": 0.0, "y": 0.0, "z": math.sin(heading / 2), "w": math.cos(heading / 2)},
+        "number": number,
+        "heading": heading,
+    }
 
 
 def _reading_record(reading: Reading) -> dict[str, Any]:
@@ -613,7 +648,9 @@ class LogWriter:
     def _reading(self, reading: Reading) -> None:
         for sweep in self._sweeps.add(reading, self._decoder.readings_per_sweep):
             self._end_sweep(sweep)
-        for topic, data in reading_messages(reading):
+        if reading.pose is not None:
+            self._decoder.place(reading.number, reading.pose)
+        for topic, data in reading_messages(reading, self._time if reading.host_time is None else reading.host_time):
             self._add(topic, data)
         self._commit()
 
@@ -706,6 +743,7 @@ def copy_log(log: reader.Log, path: Path, *, overwrite: bool = False) -> int:
     times = _PossibleTimes(log.metadata.started)
     metadata = replace(log.metadata, started=times.of(log.metadata.started))
     with atomic_file(path, overwrite=overwrite) as file, LogWriter(file, metadata) as writer:
+        poses = {_key(reading): reading.pose for reading in log.readings}
         received = log.frames.received_bytes()
         ahead = next(received, None)
         for frames in log.frames.pieces():
@@ -714,10 +752,15 @@ def copy_log(log: reader.Log, path: Path, *, overwrite: bool = False) -> int:
                 ahead = next(received, None)
             placed = [replace(frame, time=times.of(frame.time)) for frame in frames]
             for reading in [reading for frame in placed for reading in writer.take(frame)]:
-                writer.reading(reading)
+                writer.reading(replace(reading, pose=poses.get(_key(reading))))
         for time, data in (ahead, *received) if ahead else ():
             writer.received_bytes(times.of(time), data)
     return times.impossible
+
+
+def _key(reading: Reading) -> tuple[int, int]:
+    """Return what identifies a reading in a log: its number, and its time in microseconds."""
+    return reading.number, round(reading.time * 1e6)
 
 
 class _PossibleTimes:

@@ -2,7 +2,7 @@
 
 import csv
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import BytesIO, StringIO
 from typing import Any, cast
 
@@ -55,6 +55,20 @@ def test_each_reading_has_one_row() -> None:
     assert set(found) == set(expected)
     for name, column in expected.items():
         np.testing.assert_allclose(found[name], column, rtol=1e-12)
+
+
+def test_poses_are_columns_in_metres_and_degrees() -> None:
+    placed = replace(reading(1, (0.01,), None), pose=(0.5, -2.0, math.radians(30)))
+    scans = Scan(5.0, (reading(0, (), None), placed))
+    found = arrays(scans)
+    np.testing.assert_allclose([found[k][1] for k in ("x_m", "y_m", "yaw_deg")], [0.5, -2.0, 30.0])
+    assert np.isnan(found["x_m"][0])
+    file = BytesIO()
+    write_csv(cast(Any, TwoScans((scans,))), file, {0: "far"})
+    rows = [*csv.DictReader(StringIO(file.getvalue().decode()))]
+    assert [row["x_m"] for row in rows] == ["", "0.5"]
+    assert float(rows[1]["yaw_deg"]) == 30.0
+    assert [row["note"] for row in rows] == ["far", ""]
 
 
 def test_traces_of_different_lengths_are_padded() -> None:

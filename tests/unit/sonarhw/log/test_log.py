@@ -115,6 +115,44 @@ def test_each_trace_is_a_decoded_message_of_its_own(tmp_path: Path) -> None:
     assert math.radians(second.angle_deg) == pytest.approx(example_reading(2).angle)
 
 
+def travelled(count: int = 6) -> list[Reading]:
+    """Readings of a sensor that moves; the third has no pose."""
+    poses = [None if k == 2 else (0.1 * k, -1.5 + k / 3, 0.2 * k - 7.0) for k in range(count)]
+    return [replace(example_reading(k), pose=pose) for k, pose in enumerate(poses)]
+
+
+@pytest.mark.parametrize("whole", [True, False], ids=["with its index", "torn"])
+def test_a_log_returns_the_pose_of_each_reading(whole: bool, tmp_path: Path) -> None:
+    path, copy = tmp_path / "scan.mcap", tmp_path / "copy.mcap"
+    write_scan(path, METADATA, travelled())
+    if not whole:  # without the last chunk and the index
+        path.write_bytes(path.read_bytes()[: path.read_bytes().rindex(b'"number": 5')])
+    log = read_log(path)
+    poses = [reading.pose for reading in travelled()]
+    assert (log.torn is None) is whole
+    assert [reading.pose for reading in log.readings] == poses[: len(log.readings)]
+    assert len(log.readings) >= 5
+    copy_log(log, copy)
+    assert [reading.pose for reading in read_log(copy).readings] == [reading.pose for reading in log.readings]
+
+
+def test_a_viewer_finds_the_sensor_of_a_sweep_at_its_pose(tmp_path: Path) -> None:
+    """By the published schema: x' = x cos θ - y sin θ + tx, with θ from the quaternion."""
+    path = tmp_path / "scan.mcap"
+    write_scan(path, METADATA, travelled())
+    with path.open("rb") as file:
+        messages = [*make_reader(file).iter_messages(topics=["/poses"])]
+    assert {schema.name for schema, _, _ in messages if schema} == {"foxglove.FrameTransform"}
+    for (_, _, message), reading in zip(messages, [r for r in travelled() if r.pose], strict=True):
+        record = json.loads(message.data)
+        assert (record["parent_frame_id"], record["child_frame_id"]) == ("room", "turntable")
+        turn = 2 * math.atan2(record["rotation"]["z"], record["rotation"]["w"])
+        assert reading.pose is not None
+        assert (record["translation"]["x"], record["translation"]["y"]) == reading.pose[:2]
+        assert math.remainder(turn - reading.pose[2], math.tau) == pytest.approx(0, abs=1e-12)
+        assert record["timestamp"]["sec"] == message.log_time // 10**9
+
+
 def test_a_log_returns_its_metadata(tmp_path: Path) -> None:
     metadata = replace(METADATA, room_text='name = "Röhre"\n# ümläut\n', place="Ω")
     with LogWriter(tmp_path / "scan.mcap", metadata):

@@ -160,7 +160,7 @@ def test_the_index_and_the_frames_of_a_healthy_file_give_the_same_scans(
 
 @pytest.mark.usefixtures("only_by_index")
 def test_the_index_contains_every_field_of_a_reading(tmp_path: Path) -> None:
-    reading = replace(example_reading(1, trace=True, sweep=3), ping=2, number=0, time=0.0)
+    reading = replace(example_reading(1, trace=True, sweep=3), ping=2, number=0, time=0.0, pose=(1.0, 2.0, 3.0))
     write_scan(tmp_path / "scan.mcap", METADATA, [reading])
     (read,) = read_log(tmp_path / "scan.mcap").readings
     defaults = Reading(0, 0, 0, 0.0, 0.0, (), 0.0)
