@@ -231,6 +231,8 @@ def import_scan(
         readings = _without_means(file, read_foreign_scan(file, columns, meaning), meaning, mean_of)
     if file_format is LOG:
         metadata = _with_those_of(load_log(file).metadata, metadata)
+    if place is None and any(reading.pose for reading in readings):
+        metadata = replace(metadata, place="")  # the poses state where the readings were made
     write_scan(out, replace(metadata, source=str(file), read_as=read_as), readings, overwrite=force)
     echoes = sum(reading.range is not None for reading in readings)
     options.print_note(f"{counted(len(readings), 'reading')}, {echoes} with an echo, in {out}")

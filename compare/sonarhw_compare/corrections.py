@@ -68,10 +68,14 @@ def agreement_doubts(where: str, comparison: Comparison, model: Model = Model.RA
 
 
 def correction_doubt(where: str, comparison: Comparison) -> str | None:
-    """Return a warning if another heading, turn or unit would explain clearly more echoes of a scan, else None."""
+    """Return a warning if another heading, turn or unit would explain clearly more echoes of a scan, else None.
+
+    None also for a ring, and for a sensor that moves.
+    """
     summary = comparison.summary()
     share = summary.within_5cm
-    if share is None or comparison.prediction.board.ring is not None:
+    prediction = comparison.prediction
+    if share is None or prediction.board.ring is not None or prediction.poses is not None:
         return None
     best = _best(comparison, share)
     if best is None:

@@ -142,23 +142,39 @@ def draw_plan(
     `origin` names the measured points in the legend. `own_body` are measured points of the carrier of the sensor.
     `shading` is drawn behind everything else. Of `changed`, what the room does not have is drawn as found.
     """
+    measured_points, own_points = (
+        pictures.points_at(standpoints(scan.board, scan.place, headings), headings, ranges)
+        for headings, ranges in (np.reshape(readings, (-1, 2)).T for readings in (measured, own_body))
+    )
+    return _drawn_plan(scan, measured_points, title, origin, own_points, shading, changed)
+
+
+def _drawn_plan(
+    scan: PredictedScan,
+    measured: FloatArray,
+    title: str,
+    origin: Origin,
+    own_body: FloatArray,
+    shading: pictures.RangeShading | None,
+    changed: Room | None,
+) -> Figure:
+    """Return the figure of `draw_plan` with measured points (n, 2) m."""
     figure = new_figure(8, 7, 120)
     axes = figure.add_subplot()
     draw_room(axes, scan.room, scan.place)
     predicted = pictures.points_at(scan.standpoints, scan.headings, scan.ranges)
     axes.plot(*predicted.T, "o", mfc="none", mec=pictures.PREDICTED, ms=7, label="predicted")
     drawn = ((measured, ".", pictures.MEASURED, 6, origin.value), (own_body, "D", pictures.OWN_BODY, 4, "own body"))
-    for readings, marker, colour, size, label in drawn:
-        if readings:
-            headings, ranges = np.array(readings).T
-            sensors = standpoints(scan.board, scan.place, headings)
-            axes.plot(
-                *pictures.points_at(sensors, headings, ranges).T, marker, color=colour, ms=size, ls="none", label=label
-            )
+    for points, marker, colour, size, label in drawn:
+        if len(points):
+            axes.plot(*points.T, marker, color=colour, ms=size, ls="none", label=label)
     if changed is not None:
         _draw_found(axes, scan.room, changed)
-    mark_sensors(axes, scan.place.position)
-    named = pictures.picture_text(title or f"{scan.room.name}, place {scan.place.name}")
+    if scan.poses is None:
+        mark_sensors(axes, scan.place.position)
+    else:
+        draw_trajectory(axes, scan.poses, "sensor", "black")
+    named = pictures.picture_text(title or f"{scan.room.name}, {scan.where}")
     axes.set(xlabel="x (m)", ylabel="y (m)", title=named)
     axes.set_aspect("equal")
     axes.grid(alpha=0.25)
@@ -220,6 +236,14 @@ def mark_sensors(
     """Mark the positions of sensors, (n, 2) m or one, by dots. A dot states no heading: a scan has many."""
     x, y = np.transpose(positions)
     axes.plot(x, y, "o", color=color, mec="white", ms=8, ls="none", label=label, zorder=5)
+
+
+def draw_trajectory(axes: Axes, poses: FloatArray, label: str, color: str) -> None:
+    """Draw poses (n, 3) in their order as a line, with a dot at the first and an arrow at the last."""
+    axes.plot(*poses[:, :2].T, "-", color=color, lw=1.5, label=label, zorder=4)
+    axes.plot(*poses[0, :2], "o", color=color, mec="white", ms=8, zorder=5)
+    size = _ARROW * max(map(float, (np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim()))))
+    draw_heading(axes, (float(poses[-1, 0]), float(poses[-1, 1])), float(poses[-1, 2]), size, color)
 
 
 def draw_heading(axes: Axes, position: tuple[float, float], heading: float, length: float, color: str) -> Annotation:
@@ -315,19 +339,12 @@ def draw_comparison(
 
     What only `changed` has is drawn as found: the room of `find_causes`.
     """
-    measured = [row for row in comparison.rows if row.measured is not None]
-    of_room, of_body = (
-        [(row.heading, row.measured or 0.0) for row in measured if (row.kind is Kind.OWN_BODY) == own]
-        for own in (False, True)
-    )
-    return draw_plan(
-        comparison.prediction,
-        of_room,
-        origin=comparison.origin,
-        own_body=of_body,
-        shading=shading,
-        changed=changed,
-    )
+    prediction = comparison.prediction
+    ranges = np.array([row.measured for row in comparison.rows], dtype=np.float64)  # None is NaN
+    own = np.array([row.kind is Kind.OWN_BODY for row in comparison.rows], dtype=np.bool_)
+    points, sounding = pictures.points_at(prediction.standpoints, prediction.headings, ranges), ~np.isnan(ranges)
+    of_room, of_body = points[sounding & ~own], points[sounding & own]
+    return _drawn_plan(prediction, of_room, "", comparison.origin, of_body, shading, changed)
 
 
 # Picture of scans beside their predictions, before and after a calibration.

@@ -152,7 +152,7 @@ def wall_changes(prediction: PredictedScan, index: int) -> tuple[WallChange, ...
     straight = [echo for echo in prediction.ping(index).echoes if paths.edges[echo.path] < 0]
     later = [echo for echo in straight if lengths[echo.path] - lengths[winner] > _SAME_LENGTH]
     rows = np.array([winner, *(echo.path for echo in later)], dtype=np.intp)
-    growth = _growth(prediction, rows)
+    growth = _growth(prediction, index, rows)
     with np.errstate(divide="ignore"):
         moves = (lengths[rows[1:]] - lengths[winner])[:, None] / (growth[:1] - growth[1:])
     walls = np.abs(moves).argmin(axis=1) if moves.size else np.empty(0, dtype=np.intp)
@@ -163,15 +163,19 @@ def wall_changes(prediction: PredictedScan, index: int) -> tuple[WallChange, ...
     )
 
 
-def _growth(prediction: PredictedScan, rows: NDArray[np.intp]) -> FloatArray:
-    """Return the derivative of path lengths by the shift of each wall towards the sensor, (rows, walls)."""
+def _growth(prediction: PredictedScan, index: int, rows: NDArray[np.intp]) -> FloatArray:
+    """Return the derivative of path lengths by the shift of each wall towards the sensor, (rows, walls).
+
+    `rows` are paths at heading `index`.
+    """
     # these imports take half a second, which would delay the start of the window
     from sonarhw_compare.fit.free_walls import left_normals
     from sonarhw_compare.fit.likelihood import echo_paths, growth_by_wall
 
     room = prediction.room
     paths = echo_paths(prediction.paths.select(rows), room, [], list(room.names[: len(room.walls)]))
-    away = np.array(prediction.place.position) - room.walls[:, :2]
+    position = prediction.place.position if prediction.poses is None else prediction.poses[index, :2]
+    away = np.array(position) - room.walls[:, :2]
     return np.asarray(growth_by_wall(paths) * np.where((left_normals(room.walls) * away).sum(axis=1) > 0, 1.0, -1.0))
 
 
@@ -374,8 +378,14 @@ def details(comparison: Comparison, notes: Mapping[int, str] | None = None) -> D
         "readings": [
             reading_details(comparison, index) | {"note": texts.get(index)} for index in range(len(comparison.rows))
         ],
-        "regions": region_details(comparison),
+        "regions": region_details(comparison) if comparison.prediction.poses is None else None,
     }
+
+
+def _pose_figures(pose: FloatArray) -> list[float]:
+    """Return x and y, m, and the heading, degrees."""
+    x, y, heading = pose.tolist()
+    return [round(x, 6) + 0.0, round(y, 6) + 0.0, in_degrees(heading, 6)]
 
 
 def reading_details(comparison: Comparison, index: int) -> Details:
@@ -383,7 +393,9 @@ def reading_details(comparison: Comparison, index: int) -> Details:
     row, prediction = comparison.rows[index], comparison.prediction
     margins, moved = contest(prediction, row.index), wall_change(prediction, row.index)
     own_body = row.kind is Kind.OWN_BODY
-    return {
+    poses = prediction.poses
+    pose = {} if poses is None else dict(zip(("x_m", "y_m", "yaw_deg"), _pose_figures(poses[row.index]), strict=True))
+    return pose | {
         "turntable_deg": _degrees(row.reading.angle),
         "heading_deg": in_degrees(row.heading),
         "measured_m": row.measured,
@@ -671,10 +683,14 @@ class ScanComparison(Comparison):
                 yield f"{'':11}  note: {notes[row.index]}"
         yield ""
         yield from summary_lines(self.summary())
+        if self.prediction.poses is not None:
+            x, y, heading = self.prediction.poses[-1].tolist()
+            yield f"the last of {self.prediction.where}: {x:z.4f}, {y:z.4f} m, {heading_text(heading)}"
         yield from _score_lines(self.score)
         yield from () if self.fit is None else self.fit.lines()
         yield from _echo_lines(self)
-        yield from region_lines(self)
+        if self.prediction.poses is None:
+            yield from region_lines(self)
 
     def figures(self, notes: Mapping[int, str] | None = None, *, explained: bool = False) -> dict[str, Any]:
         """Return the comparison under the keys of `compare --json`; `explained` adds every reading with its echoes."""
@@ -693,7 +709,8 @@ class ScanComparison(Comparison):
         from sonarhw_compare.pictures import shading_around
 
         shading, prediction = None, self.prediction
-        if self.model is Model.RAY_FOLLOWING and prediction.board.states_spread:
+        still = prediction.poses is None
+        if still and self.model is Model.RAY_FOLLOWING and prediction.board.states_spread:
             tolerance = self.room_tolerance
             shading = shading_around(prediction, self.options, pings=self.pings, room_tolerance=tolerance)
         return draw_comparison(self, shading, changed)

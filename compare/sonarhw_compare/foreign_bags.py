@@ -2,7 +2,8 @@
 
 A LaserScan or PointCloud is one sweep. A Range has no angle: its direction is that of its frame in `/tf_static`, else
 topics are `meaning.step` degrees apart, in the order of their names. By the definition of the messages, only ranges
-within their limits are echoes.
+within their limits are echoes. Poses are those of `Odometry`, else of the robot's frame in `/tf`, at the times of the
+ranges.
 """
 
 import math
@@ -10,7 +11,7 @@ import sqlite3
 import struct
 import warnings
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from importlib.util import find_spec
 from io import BytesIO
@@ -25,12 +26,14 @@ from mcap.records import Message as McapRecordOfMessage
 
 from sonarhw.errors import InputError, MissingExtra, counted
 from sonarhw.log.mcap_records import UNREADABLE, Damage, McapMessage, OpenFile, Record, is_mcap, read_records
-from sonarhw.readings import Reading
-from sonarhw_compare.foreign_csv import MOST_READINGS, ForeignRow, Meaning, readings_of
+from sonarhw.readings import Reading, RobotPose, moved_by
+from sonarhw_compare.foreign_csv import MOST_READINGS, ForeignRow, Meaning, at_poses, readings_of
 from sonarhw_compare.processes import parse_apart
 
 _RANGE, _SCAN, _CLOUD = "sensor_msgs/msg/Range", "sensor_msgs/msg/LaserScan", "sensor_msgs/msg/PointCloud"
 _FRAMES = "tf2_msgs/msg/TFMessage"
+_ODOMETRY = "nav_msgs/msg/Odometry"
+_BASES = ("base_footprint", "base_link")  # usual names of the frame of a robot
 _MOST_BYTES = 1_000_000  # of a message; a LaserScan of 100 000 ranges has half of this
 _MOST_CHUNK = 1 << 28  # bytes of an unpacked chunk
 # what rosbags and its parsers raise for a damaged file, besides errors of their own
@@ -79,6 +82,10 @@ def _parsed(bag: Path, meaning: Meaning) -> tuple[list[ForeignRow], list[str]]:
     opened = _opened(bag)
     unknown: set[str] = set()
     rows = [*islice(_rows(bag, opened, meaning, unknown), MOST_READINGS + 1)]
+    stamped = _poses(opened)
+    rows = [*at_poses(rows, [time for time, _ in stamped], [pose for _, pose in stamped])]
+    began = rows[0].time or 0.0 if rows else 0.0
+    rows = [replace(row, time=(row.time or 0.0) - began) for row in rows]
     doubts = []
     if opened.damage:
         doubts.append(f"{counted(len(opened.damage), 'damaged part')} left out, the first: {opened.damage[0]}")
@@ -117,14 +124,15 @@ def _opened(bag: Path) -> _Bag:
 
 def _ros1(bag: Path) -> _Bag:
     from rosbags.rosbag1 import Reader, ReaderError
-    from rosbags.typesys import Stores, get_typestore
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     store = get_typestore(Stores.ROS1_NOETIC)
+    store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", _FRAMES))  # the store lacks it
 
     def messages() -> Iterator[_Message]:
         try:
             with Reader(bag) as reader:
-                kinds = (_RANGE, _SCAN, _CLOUD, _FRAMES)
+                kinds = (_RANGE, _SCAN, _CLOUD, _FRAMES, _ODOMETRY)
                 chosen = [connection for connection in reader.connections if connection.msgtype in kinds]
                 for connection, time, content in reader.messages(connections=chosen) if chosen else ():
                     yield _Message(connection.topic, connection.msgtype, time, bytes(content))
@@ -237,7 +245,6 @@ def _rows(bag: Path, opened: _Bag, meaning: Meaning, unknown: set[str]) -> Itera
         raise InputError(f"{bag}: no topic {meaning.topic!r}; topics with ranges: {', '.join(topics) or 'none'}")
     chosen = topics if meaning.topic is None else [meaning.topic]
     yaws = _yaws_of_frames(opened)
-    first: int | None = None
     chosen_messages = [message for message in opened.messages() if message.topic in chosen]
     for number, message in enumerate(sorted(chosen_messages, key=lambda message: message.time)):
         where = f"message {number + 1} of the topics with ranges"
@@ -248,8 +255,7 @@ def _rows(bag: Path, opened: _Bag, meaning: Meaning, unknown: set[str]) -> Itera
         except _DAMAGE as error:
             opened.damage.append(f"{where}: {_reason(error)}")
             continue
-        first = message.time if first is None else first
-        seconds = (message.time - first) * 1e-9
+        seconds = message.time * 1e-9
         if message.kind == _RANGE:
             yaw = yaws.get(content.header.frame_id)
             if yaw is None or meaning.step:
@@ -299,9 +305,8 @@ def _yaws_of_frames(opened: _Bag) -> dict[str, float]:
             opened.damage.append(_reason(error))
             continue
         for stamped in transforms:
-            turn = stamped.transform.rotation
-            yaw = math.atan2(2 * (turn.w * turn.z + turn.x * turn.y), 1 - 2 * (turn.y**2 + turn.z**2))
-            parents[stamped.child_frame_id.lstrip("/")] = stamped.header.frame_id.lstrip("/"), math.degrees(yaw)
+            yaw = math.degrees(_yaw(stamped.transform.rotation))
+            parents[stamped.child_frame_id.lstrip("/")] = stamped.header.frame_id.lstrip("/"), yaw
     yaws = {}
     for frame in parents:
         total, at, seen = 0.0, frame, set[str]()
@@ -312,3 +317,53 @@ def _yaws_of_frames(opened: _Bag) -> dict[str, float]:
         yaws[frame] = total
         yaws[f"/{frame}"] = total
     return yaws
+
+
+def _yaw(turn: Any) -> float:
+    """Return the turn of a quaternion about the vertical, rad, counter-clockwise."""
+    return math.atan2(2 * (turn.w * turn.z + turn.x * turn.y), 1 - 2 * (turn.y**2 + turn.z**2))
+
+
+def _poses(opened: _Bag) -> list[tuple[float, RobotPose]]:
+    """Return times (s) and poses of the robot: of the first topic with odometry, else of its frame in `/tf`."""
+    odometry: dict[str, list[tuple[float, RobotPose]]] = {}
+    frames: dict[str, tuple[str, RobotPose]] = {}  # newest transform of each frame, by its name
+    of_frames: dict[str, list[tuple[float, RobotPose]]] = {base: [] for base in _BASES}
+    for message in sorted(
+        (message for message in opened.messages() if _has_pose(message)), key=lambda message: message.time
+    ):
+        try:
+            content = opened.decode(message)
+        except _DAMAGE as error:
+            opened.damage.append(_reason(error))
+            continue
+        seconds = message.time * 1e-9
+        if message.kind == _ODOMETRY:
+            pose = content.pose.pose
+            placed = float(pose.position.x), float(pose.position.y), _yaw(pose.orientation)
+            odometry.setdefault(message.topic, []).append((seconds, placed))
+            continue
+        for stamped in content.transforms:
+            move = stamped.transform
+            placed = float(move.translation.x), float(move.translation.y), _yaw(move.rotation)
+            frames[stamped.child_frame_id.lstrip("/")] = stamped.header.frame_id.lstrip("/"), placed
+        for base in _BASES:
+            if any(stamped.child_frame_id.lstrip("/") == base for stamped in content.transforms):
+                of_frames[base].append((seconds, _in_root(base, frames)))
+    known = [odometry[topic] for topic in sorted(odometry)] + [of_frames[base] for base in _BASES]
+    return next((stamped for stamped in known if stamped), [])
+
+
+def _has_pose(message: _Message) -> bool:
+    return message.kind == _ODOMETRY or (message.kind == _FRAMES and not message.topic.endswith("tf_static"))
+
+
+def _in_root(frame: str, frames: dict[str, tuple[str, RobotPose]]) -> RobotPose:
+    """Return the pose of a frame in the last of its parents, such as `map` or `odom`."""
+    parent, pose = frames[frame]
+    seen = {frame}
+    while parent in frames and parent not in seen:
+        seen.add(parent)
+        parent, of_parent = frames[parent]
+        pose = moved_by(of_parent, pose)
+    return pose

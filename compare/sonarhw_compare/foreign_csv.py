@@ -9,7 +9,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import TextIOWrapper
 from itertools import count, islice
 from pathlib import Path
@@ -19,7 +19,7 @@ import numpy as np
 
 from sonarhw.errors import InputError, counted
 from sonarhw.files import open_input
-from sonarhw.readings import Reading, Trace, speed_of_sound
+from sonarhw.readings import Reading, RobotPose, Trace, speed_of_sound
 from sonarhw.text.decoder import encoding_of
 from sonarhw.wire.messages import MOST_DEGREES
 
@@ -29,6 +29,7 @@ from sonarhw.wire.messages import MOST_DEGREES
 SPACING = 0.1  # s between readings of a file without times
 # limits of the frames of a log
 MOST_RANGE = 700.0  # m
+MOST_COORDINATE = 1e6  # m, as in room files
 LONGEST = 86_400.0  # s, between readings
 LONGEST_SCAN = 1e8  # s
 # limits of a file, so that nothing needs more than 1 GB
@@ -37,6 +38,7 @@ MOST_SAMPLES = 50_000_000  # of all traces
 _MOST_BYTES = 2_000_000_000  # of a text file
 _START = 65_536  # bytes of a text that show its encoding
 _PINGS = 256
+_POSE_WITHIN = 1.0  # s; poses are published several times a second
 
 
 @dataclass(frozen=True)
@@ -70,6 +72,7 @@ class ForeignRow:
     sweep: int = 0
     trace: Trace | None = None
     more: tuple[float, ...] = ()  # ranges of later echoes
+    pose: RobotPose | None = None  # m and rad
 
 
 def readings_of(where: str, rows: Iterable[ForeignRow], meaning: Meaning) -> list[Reading]:
@@ -94,10 +97,28 @@ def readings_of(where: str, rows: Iterable[ForeignRow], meaning: Meaning) -> lis
             echo_times=_echo_times(row, meaning, speed),
             speed_of_sound=speed,
             trace=row.trace,
+            pose=row.pose,
         )
         _check(reading, before, readings[0].time if readings else reading.time, f"{where}, {row.where}")
         readings.append(reading)
     return readings
+
+
+def at_poses(rows: Iterable[ForeignRow], times: Sequence[float], poses: Sequence[RobotPose]) -> Iterator[ForeignRow]:
+    """Yield rows with the pose at their time: between two poses on the straight line, none 1 s before or after all.
+
+    `times` (s) are those of the poses; both are in any order.
+    """
+    stamps, known = np.array(times, np.float64), np.array(poses, np.float64).reshape(-1, 3)
+    order = [row for row in np.argsort(stamps, kind="stable").tolist() if np.isfinite(known[row]).all()]
+    stamps, known = stamps[order], known[order]
+    turned = np.unwrap(known[:, 2])
+    for row in rows:
+        if not len(stamps) or row.time is None or not stamps[0] - _POSE_WITHIN <= row.time <= stamps[-1] + _POSE_WITHIN:
+            yield row
+            continue
+        x, y, heading = (float(np.interp(row.time, stamps, part)) for part in (known[:, 0], known[:, 1], turned))
+        yield replace(row, pose=(x, y, math.remainder(heading, math.tau)))
 
 
 def _echo_times(row: ForeignRow, meaning: Meaning, speed: float) -> tuple[float, ...]:
@@ -112,6 +133,11 @@ def _echo_times(row: ForeignRow, meaning: Meaning, speed: float) -> tuple[float,
 
 def _check(reading: Reading, before: Reading | None, began: float, where: str) -> None:
     degrees = math.degrees(reading.angle)
+    if reading.pose is not None and not max(map(abs, reading.pose)) <= MOST_COORDINATE:
+        raise InputError(
+            f"{where}: pose {', '.join(f'{part:g}' for part in reading.pose)}; expected metres and a heading in "
+            f"radians, none over {MOST_COORDINATE:g}"
+        )
     if abs(degrees) > MOST_DEGREES:
         raise InputError(f"{where}: turntable angle {degrees:g} degrees; expected at most {MOST_DEGREES:g}")
     if (farthest := max(reading.echo_ranges, default=0.0)) > MOST_RANGE:

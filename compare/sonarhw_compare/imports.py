@@ -22,12 +22,20 @@ from sonarhw.files import open_input
 from sonarhw.log import Log, read_log
 from sonarhw.plugins.device_plugin import Measurement
 from sonarhw.plugins.sweep_tracker import SweepTracker
-from sonarhw.readings import Reading, Trace, speed_of_sound
+from sonarhw.readings import Reading, RobotPose, Trace, speed_of_sound
 from sonarhw.text.decoder import encoding_of, make_decoder
 from sonarhw.text.layouts import Layout, Printed
 from sonarhw.text.proposals import LayoutProposal, UnitChoice, propose
 from sonarhw_compare.foreign_bags import json_messages
-from sonarhw_compare.foreign_csv import MOST_READINGS, ForeignRow, Meaning, opened, readings_of, short_lines
+from sonarhw_compare.foreign_csv import (
+    MOST_READINGS,
+    ForeignRow,
+    Meaning,
+    at_poses,
+    opened,
+    readings_of,
+    short_lines,
+)
 from sonarhw_compare.import_formats import JSON_MCAP, TEXT, import_format
 
 # Text as devices print it, in files: serial monitors, captures, CSV, JSON.
@@ -292,43 +300,41 @@ def _number(cell: str) -> float:
 #     SONAR cone_angle num_sonars range... (x y theta)... ipc_timestamp ipc_hostname logger_timestamp
 #
 # Each line is one sweep over all sensors of a robot; theta is the direction of a sensor in the robot's frame, rad,
-# and the angle of its reading. Other lines are ignored.
+# and the angle of its reading. Lines between state poses of the robot, as `carmen_logwrite_write_odometry` writes them:
+#
+#     ODOM x y theta tv rv accel ipc_timestamp ipc_hostname logger_timestamp
+#
+# Other lines are ignored.
 
 
 _COUNT = re.compile(r"\d{1,6}", re.ASCII)
-_MOVED = 0.05  # m; the ranges of a robot that moved farther do not belong to one place
 _AFTER = 3  # fields after the offsets: timestamp of the message, host, timestamp of the logger
 
 
 def read_carmen_log(file: Path, meaning: Meaning) -> list[Reading]:
-    """Return the sonar readings of a log, at least one. Raises InputError with the line.
+    """Return the sonar readings of a log, at least one, with the poses of its ODOM lines at their times.
 
-    Warns if the robot moves between them, by the ODOM lines of the log.
+    Raises InputError with the line.
     """
-    path: list[tuple[float, float]] = []
-    readings = readings_of(str(file), _carmen_rows(file, meaning.no_echo, path), meaning)
+    odometry: list[tuple[float, RobotPose]] = []
+    rows = [*islice(_carmen_rows(file, meaning.no_echo, odometry), MOST_READINGS + 1)]
+    placed = at_poses(rows, [time for time, _ in odometry], [pose for _, pose in odometry])
+    readings = readings_of(str(file), placed, meaning)
     if not readings:
         raise InputError(f"{file}: has no SONAR line; expected a CARMEN log with sonar readings")
-    moved = max((math.dist(position, path[0]) for position in path), default=0.0)
-    if moved > _MOVED:
-        warnings.warn(
-            f"{file}: the robot moves by {moved:.2f} m between the readings, which have no common place; split the log",
-            stacklevel=2,
-        )
     return readings
 
 
-def _carmen_rows(file: Path, no_echo: float | None, path: list[tuple[float, float]]) -> Iterator[ForeignRow]:
-    """Yield the readings; positions of the robot from the first SONAR line on are appended to `path`."""
-    sweep, position = 0, None
+def _carmen_rows(file: Path, no_echo: float | None, odometry: list[tuple[float, RobotPose]]) -> Iterator[ForeignRow]:
+    """Yield the readings; the times and poses of ODOM lines are appended to `odometry`."""
+    sweep = 0
     with opened(file, "a CARMEN log") as text:
         for number, line in enumerate(short_lines(file, text, "a CARMEN log"), 1):
             words, where = line.split(), f"line {number}"
             if words[:1] == ["ODOM"]:
-                position = _numbers(file, where, words[1:3], 2)
-                path += [(position[0], position[1])] if path else []
+                x, y, heading, time = _numbers(file, where, [*words[1:4], *words[-3:-2]], 4)
+                odometry.append((time, (x, y, heading)))
             elif words[:1] == ["SONAR"]:
-                path += [(position[0], position[1])] if position and not path else []
                 yield from _sweep(file, where, words[1:], sweep, no_echo)
                 sweep += 1
 
@@ -633,7 +639,8 @@ def _log_rows(log: Log, meaning: Meaning) -> Iterator[ForeignRow]:
         first, *more = (None,) if silent or not ranges else ranges
         degrees = math.degrees(reading.angle)
         where = f"reading {reading.number}"
-        yield ForeignRow(where, degrees, first, reading.time - began, reading.sweep, reading.trace, tuple(more))
+        time = reading.time - began
+        yield ForeignRow(where, degrees, first, time, reading.sweep, reading.trace, tuple(more), reading.pose)
 
 
 _SAME_RANGE = 0.0015  # m, of a range that stands for no echo, as it is typed

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
+from sonarhw_sim.air import Model
 from sonarhw_sim.board.profile import Board, is_own_body
 from sonarhw_sim.predict.predicted_scan import PredictedScan, nearest_paths
-from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
+from sonarhw_sim.predict.prediction import PredictionOptions, predict_along, predict_with
 from sonarhw_sim.room.room import Place, Room
 
 from sonarhw.readings import FloatArray, Origin, Reading, in_degrees
@@ -118,7 +119,7 @@ class Comparison:
 def compare_readings(
     readings: Sequence[Reading],
     room: Room,
-    place: Place,
+    place: Place | Sequence[Place],
     board: Board,
     options: PredictionOptions | None = None,
     *,
@@ -126,16 +127,33 @@ def compare_readings(
 ) -> Comparison:
     """Return each reading with the prediction at its heading.
 
-    The heading of the place is the actual one of the turntable's zero (`Board.faced`). `offset` (m) is added to every
-    measured range. Raises InputError if the board is a ring and no sensor points along a reading.
+    A sensor that moves has a place for each reading. The heading of a place is the actual one of the turntable's zero
+    (`Board.faced`). `offset` (m) is added to every measured range. Raises InputError if the board is a ring and no
+    sensor points along a reading.
     """
-    prediction = predict_scan(room, place, board, headings_of(readings, place, board), options)
+    prediction = predicted_for(readings, room, place, board, options)
     return match_readings(readings, prediction, offset)
 
 
-def headings_of(readings: Sequence[Reading], place: Place, board: Board) -> FloatArray:
-    """Return the heading of each reading in the room, (n,) rad; that of the place is the actual one of step 0."""
-    return np.array([place.heading + board.turned(reading.angle) for reading in readings], dtype=np.float64)
+def predicted_for(
+    readings: Sequence[Reading],
+    room: Room,
+    place: Place | Sequence[Place],
+    board: Board,
+    options: PredictionOptions | None = None,
+    model: Model = Model.RAY_FOLLOWING,
+) -> PredictedScan:
+    """Return the prediction at the headings of readings, which were made at one place, or each at its own."""
+    headings = headings_of(readings, place, board)
+    if isinstance(place, Place):
+        return predict_with(model, room, place, board, headings, options)
+    return predict_along(model, room, place, board, headings, options)
+
+
+def headings_of(readings: Sequence[Reading], place: Place | Sequence[Place], board: Board) -> FloatArray:
+    """Return the heading of each reading in the room, (n,) rad; that of a place is the actual one of step 0."""
+    zeros = [place.heading] * len(readings) if isinstance(place, Place) else [there.heading for there in place]
+    return np.array([zero + board.turned(reading.angle) for zero, reading in zip(zeros, readings, strict=True)])
 
 
 def match_readings(readings: Sequence[Reading], prediction: PredictedScan, offset: float = 0.0) -> Comparison:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, TypeAlias, cast
 import numpy as np
 from sonarhw_sim.air import DEFAULT_BOARD, ROOM_TOLERANCE, Air, Model, Receiver
 from sonarhw_sim.board.profile import Board, load_board, without_own_body
-from sonarhw_sim.room.room import Place, Room, place_at, typed_place, warn_of_place
+from sonarhw_sim.room.room import Place, Room, place_at, typed_place, warn_of_place, warn_of_poses
 
 from sonarhw import arguments
 from sonarhw.arguments import Warn, emit
@@ -127,28 +127,29 @@ def compare(
     """Return each reading of a scan beside its prediction.
 
     `scan` is a log, its file, or readings. Room, place and board are objects, names or files; by default those in the
-    log, and for readings the only place of the room and the default board. `fit` names quantities to fit first, such as
-    "heading,offset,position"; the position within 3 cm. The default `receiver` is that of the board profile. The
-    probabilities are those of medians of `pings`, with walls that are off by `room_tolerance` (m, standard deviation).
-    `progress` receives the completed share of the fit, 0..1. Raises InputError. Warns if a log is damaged or names no
-    board, if the place is outside the room, or if few echoes are explained.
+    log, and for readings the only place of the room and the default board. Readings of a sensor that moves are
+    predicted from their poses; with a place, the first is there, and the others move with it. `fit` names quantities to
+    fit first, such as "heading,offset,position"; the position within 3 cm. The default `receiver` is that of the board
+    profile. The probabilities are those of medians of `pings`, with walls that are off by `room_tolerance` (m, standard
+    deviation). `progress` receives the completed share of the fit, 0..1. Raises InputError. Warns if a log is damaged
+    or names no board, if the place is outside the room, or if few echoes are explained.
     """
-    from sonarhw_sim.predict.prediction import PredictionOptions, predict_with
+    from sonarhw_sim.predict.prediction import PredictionOptions
     from sonarhw_sim.predict.probability import check_pings
 
     from sonarhw_compare.corrections import agreement_doubts
     from sonarhw_compare.explain import ScanComparison
-    from sonarhw_compare.match import headings_of, match_readings
+    from sonarhw_compare.match import match_readings, predicted_for
 
     check_pings(pings)
     given, in_room, placed, profile = _placed(scan, room, place, board, warn)
     options, offset = PredictionOptions(receiver=receiver), 0.0
     fitted = _fitted(fit, given, in_room, placed, profile, options, progress, model)
-    placed = profile.faced(placed)
+    where: Place | list[Place] = _faced(profile, given.places(placed) or placed)
     if fitted is not None:
-        placed, offset = fitted.place, fitted.offset
-    headings = headings_of(given.readings, placed, profile)
-    matched = match_readings(given.readings, predict_with(model, in_room, placed, profile, headings, options), offset)
+        where, offset = fitted.place, fitted.offset
+    prediction = predicted_for(given.readings, in_room, where, profile, options, model)
+    matched = match_readings(given.readings, prediction, offset)
     for doubt in agreement_doubts(given.where, matched, model):
         warn(doubt)
     return ScanComparison(
@@ -167,6 +168,8 @@ def find_missing(comparison: "ScanComparison", progress: Tick = _silent) -> "Fou
     from sonarhw_compare.rooms.causes import find_causes
 
     prediction = comparison.prediction
+    if prediction.poses is not None:
+        raise InputError("comparison: the sensor moves; changes of the room are found from one place; compare a part")
     receiver, board = comparison.options.receiver, prediction.board
     # the comparison adds its offset to measured ranges; the place of a room file does not contain the board's zero
     board = replace(board, range_offset=board.range_offset - comparison.offset, receiver=receiver or board.receiver)
@@ -358,6 +361,7 @@ def fit(
     from sonarhw_compare.fit.result import FitOptions
 
     given = _given_scans(scans, board, warn)
+    _check_stand(given)
     setting = fit_setting(given, room, _places(places), board, _words(free), _words(priors))
     for scan in setting.scans:
         if scan.place.name:  # otherwise the whole room is searched
@@ -403,6 +407,7 @@ def locate(
     from sonarhw_compare.locate import known_heading, locate_scan
 
     (given,) = _given_scans(scan, board, warn)
+    given.check_stands()
     expected, spread = known_heading(heading, heading_deviation)
     located = locate_scan(
         given.readings,
@@ -458,6 +463,7 @@ def map_room(
     if find and room is not None:
         raise InputError("a room is found, or given; give only one of them")
     given = _given_scans(scans, board, warn)
+    _check_stand(given)
     followed = None if room is None else given[0].room(room)
     profile = common_board(given, board)
     placed, spreads = _with_poses(given, followed, _places(places), poses, warn)
@@ -611,6 +617,7 @@ def calibrate(
     if order is not None or temperature is not None:
         raise InputError("order and temperature: are for a scan by a scanner; give its URL in place of logs")
     given = _given_scans(scans, board, warn)
+    _check_stand(given)
     profile = common_board(given, board)
     if room is None:
         return _calibrated_with_plates(given, profile, of_plate, turned)
@@ -780,7 +787,14 @@ def _placed(
     in_room, profile = given.room(room), given.board(board)
     here = given.place(in_room, place)
     warn_of_place(in_room, here, warn)
+    if along := given.places(here):
+        warn_of_poses(given.where, in_room, np.array([there.position for there in along]), warn)
     return given, in_room, here, profile
+
+
+def _faced(board: Board, place: Place | list[Place]) -> Place | list[Place]:
+    """Return a place, or several, with the actual heading of the turntable's zero."""
+    return board.faced(place) if isinstance(place, Place) else [*map(board.faced, place)]
 
 
 def _fitted(
@@ -796,6 +810,7 @@ def _fitted(
     """Return the fit on a grid of the named quantities; None if none is named."""
     if not (free := frozenset(_words(fit))):
         return None
+    scan.check_stands()
     from sonarhw_compare.fit.starting import fit_scan
 
     return fit_scan(scan.readings, room, place, board, free, model=model, options=options, tick=progress)
@@ -825,6 +840,11 @@ def _given_scans(scans: ScanInput | Sequence[ScanInput], board: BoardInput | Non
         for doubt in (*doubts, *read.doubts(read.board(board))):
             warn(doubt)
     return given
+
+
+def _check_stand(scans: Iterable[GivenScan]) -> None:
+    for scan in scans:
+        scan.check_stands()
 
 
 def _words(given: str | Iterable[str]) -> list[str]:

@@ -16,7 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.predict.predicted_scan import standpoints
+from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.room.room import Place, Room
 
@@ -221,16 +221,17 @@ def plan_svg(comparison: Comparison) -> bytes:
     prediction = comparison.prediction
     draw_room(axes, prediction.room, prediction.place)
 
-    def place(headings: FloatArray, ranges: FloatArray) -> FloatArray:
-        return pictures.points_at(standpoints(prediction.board, prediction.place, headings), headings, ranges)
-
-    predicted = place(prediction.headings, prediction.ranges)
+    predicted = pictures.points_at(prediction.standpoints, prediction.headings, prediction.ranges)
     axes.plot(*predicted.T, "o", mfc="none", mec=pictures.PREDICTED, ms=7, label="predicted")
-    _draw_classes(axes, comparison.rows, lambda headings, ranges: place(np.radians(headings), ranges), _drawn_at)
-    axes.plot(*prediction.place.position, "D", color="black", ms=7, label="sensor")
+    points = _points(comparison)
+    _draw_classes(axes, comparison.rows, lambda row: None if _drawn_at(row) is None else tuple(points[row.index]))
+    if prediction.poses is None:
+        axes.plot(*prediction.place.position, "D", color="black", ms=7, label="sensor")
+    else:
+        axes.plot(*prediction.poses[:, :2].T, "D-", color="black", ms=3, lw=1, label="sensor")
     axes.set(xlabel="x (m)", ylabel="y (m)")
     axes.set_aspect("equal")
-    _crop_to_room(axes, comparison, place)
+    _crop_to_room(axes, comparison, points[~np.isnan(points[:, 0])])
     axes.legend(loc="upper left", bbox_to_anchor=(1, 1), frameon=False, title=f"{comparison.origin} readings")
     return picture_bytes(figure, ".svg")
 
@@ -241,11 +242,11 @@ def ranges_svg(comparison: Comparison) -> bytes:
     prediction = comparison.prediction
     headings = np.degrees(prediction.headings) % 360
     ranges.plot(headings, prediction.ranges, "o", mfc="none", mec=pictures.PREDICTED, ms=6, label="predicted")
-    _draw_classes(ranges, comparison.rows, _side_by_side, _drawn_at)
+    _draw_classes(ranges, comparison.rows, lambda row: _over_heading(row, _drawn_at(row)))
     ranges.set(ylabel="range (m)", ylim=(0, None))
     ranges.legend(loc="upper left", bbox_to_anchor=(1, 1), frameon=False, title=f"{comparison.origin} readings")
     residuals.axhspan(-TOLERANCE * 1000, TOLERANCE * 1000, color="#EAF3F8")
-    _draw_classes(residuals, comparison.rows, _side_by_side, _residual)
+    _draw_classes(residuals, comparison.rows, lambda row: _over_heading(row, _residual(row)))
     residuals.set(
         xlabel="heading in the room (°)",
         ylabel=f"{comparison.origin} minus\npredicted (mm)",
@@ -273,8 +274,10 @@ def calibration_svg(bins: Sequence[CalibrationBin]) -> bytes:
 
 
 def bscan_png(comparison: Comparison) -> bytes | None:
-    """Return measured traces above predicted ones; None without recorded traces. Raises NotALog."""
+    """Return measured traces above predicted ones; None without traces, or from many places. Raises NotALog."""
     prediction = comparison.prediction
+    if prediction.poses is not None:
+        return None  # a B-scan has one row for each heading
     traced = [(row, trace) for row in comparison.rows if (trace := row.reading.trace) is not None]
     if not traced:
         return None
@@ -300,16 +303,21 @@ def bscan_png(comparison: Comparison) -> bytes | None:
     return picture_bytes(figure, ".png")
 
 
-def _crop_to_room(axes: Axes, comparison: Comparison, place: Callable[[FloatArray, FloatArray], FloatArray]) -> None:
+def _points(comparison: Comparison) -> FloatArray:
+    """Return where each reading is drawn in the plan, (n, 2) m; NaN for silence."""
+    prediction = comparison.prediction
+    ranges = np.array([_drawn_at(row) for row in comparison.rows], dtype=np.float64)  # None is NaN
+    return pictures.points_at(prediction.standpoints, prediction.headings, ranges)
+
+
+def _crop_to_room(axes: Axes, comparison: Comparison, points: FloatArray) -> None:
     """Crop the plan to the room, because multipath echoes may be far outside. The title states their number."""
     room = comparison.prediction.room
-    corners = np.vstack((room.walls.reshape(-1, 2), room.posts[:, :2], [comparison.prediction.place.position]))
+    corners = np.vstack((room.walls.reshape(-1, 2), room.posts[:, :2], _positions(comparison.prediction)))
     low, high = corners.min(axis=0), corners.max(axis=0)
     beyond = _BEYOND * float((high - low).max())
     low, high = low - beyond, high + beyond
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-    drawn = np.array([(row.heading, range_) for row in comparison.rows if (range_ := _drawn_at(row)) is not None])
-    points = place(*drawn.T) if len(drawn) else np.empty((0, 2))
     outside = int(((points < low) | (points > high)).any(axis=1).sum())
     if outside:
         axes.set_title(f"{outside} of {len(points)} are outside this plan", fontsize="medium", loc="right")
@@ -325,21 +333,18 @@ def _figure(size: tuple[float, float], rows: int) -> tuple[Figure, Sequence[Axes
 
 
 def _draw_classes(
-    axes: Axes,
-    rows: Sequence[Matched],
-    place: Callable[[FloatArray, FloatArray], FloatArray],
-    value: Callable[[Matched], float | None],
+    axes: Axes, rows: Sequence[Matched], point_of: Callable[[Matched], tuple[float, float] | None]
 ) -> None:
     for kind, (colour, marker) in CLASSES.items():
-        drawn = [(row.heading, value(row)) for row in rows if row.kind is kind]
-        shown_points = [(math.degrees(heading) % 360, range_) for heading, range_ in drawn if range_ is not None]
-        if shown_points:
-            points = place(*np.array(shown_points).T)
-            axes.plot(*points.T, marker, color=colour, ms=5, ls="none", label=f"{kind.label} ({len(shown_points)})")
+        points = [point for row in rows if row.kind is kind and (point := point_of(row)) is not None]
+        if points:
+            axes.plot(
+                *np.transpose(points), marker, color=colour, ms=5, ls="none", label=f"{kind.label} ({len(points)})"
+            )
 
 
-def _side_by_side(headings: FloatArray, values: FloatArray) -> FloatArray:
-    return np.column_stack((headings, values))
+def _over_heading(row: Matched, value: float | None) -> tuple[float, float] | None:
+    return None if value is None else (math.degrees(row.heading) % 360, value)
 
 
 def _drawn_at(row: Matched) -> float | None:
@@ -447,10 +452,12 @@ def report_of(
     `notes`: by the place of their reading, from 0; those on readings that are not listed are part of the report, too.
     """
     readings, log = scan.readings, scan.log
+    along = scan.places(place)
+    faced = board.faced(place) if along is None else [*map(board.faced, along[-MOST_READINGS:])]
     comparison = compare_readings(
         readings[-MOST_READINGS:],
         room,
-        board.faced(place) if fit is None else fit.place,
+        faced if fit is None else fit.place,
         board,
         options,
         offset=0.0 if fit is None else fit.offset,
@@ -466,9 +473,14 @@ def report_html(report: Report) -> str:
     return html_page(_title(report), _body(report))
 
 
+def _positions(prediction: PredictedScan) -> FloatArray:
+    """Return the positions of the sensor, (n, 2) m."""
+    return np.array([prediction.place.position]) if prediction.poses is None else prediction.poses[:, :2]
+
+
 def _title(report: Report) -> str:
     prediction = report.comparison.prediction
-    return f"{prediction.room.name}, place {prediction.place.name}"
+    return f"{prediction.room.name}, {prediction.where}"
 
 
 def _body(report: Report) -> Iterator[str]:
@@ -495,8 +507,9 @@ def _body(report: Report) -> Iterator[str]:
     yield "<h2>Figures</h2>"
     yield facts_table(_figures(summary))
     yield from _probabilities(report)
-    yield "<h2>Regions of constant depth</h2>"
-    yield from regions_table(comparison)
+    if comparison.prediction.poses is None:
+        yield "<h2>Regions of constant depth</h2>"
+        yield from regions_table(comparison)
     yield from _settings(report)
     yield from _readings(report)
 
@@ -548,6 +561,9 @@ def _settings(report: Report) -> Iterator[str]:
     prediction = report.comparison.prediction
     room, place, board = prediction.room, prediction.place, prediction.board
     where = [("position", f"x {place.position[0]:g} m, y {place.position[1]:g} m")]
+    if prediction.poses is not None:
+        x, y = prediction.poses[-1, :2]
+        where = [("first " + where[0][0], where[0][1]), ("last position", f"x {x:g} m, y {y:g} m")]
     if place.height is not None:
         where.append(("height", f"{place.height:g} m"))
     air = room.air
@@ -648,8 +664,10 @@ def _notes(report: Report) -> Iterator[str]:
     yield "<h2>Notes</h2>"
     yield from table_head("notes", ("no.", "heading (°)", "scan (m)", "note"))
     board = report.comparison.prediction.board
-    for _, reading, text in report.notes:
-        heading = report.comparison.heading + board.turned(reading.angle)
+    for place, reading, text in report.notes:
+        row = place - report.left_out
+        here = report.comparison.heading + board.turned(reading.angle)
+        heading = report.comparison.rows[row].heading if row >= 0 else here
         yield table_row((str(reading.number), f"{in_degrees(heading, 1):.1f}", metres(reading.range), text))
     yield "</tbody></table>"
 

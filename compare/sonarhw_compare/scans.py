@@ -5,9 +5,10 @@ import io
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
-from typing import TypeAlias
+from typing import TypeAlias, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,7 +21,7 @@ from sonarhw.arguments import Warn, emit
 from sonarhw.errors import InputError, OutputError, counted, counted_are, harmless, number, text_cell
 from sonarhw.files import atomic_file
 from sonarhw.log import Log, LogMetadata, read_log
-from sonarhw.readings import FloatArray, Origin, Reading
+from sonarhw.readings import FloatArray, Origin, Reading, RobotPose, angle_difference, moved_by, step_between
 from sonarhw.scan_check import DoubtKind, Reach, check_scan
 
 # The room, place and board that a log was recorded with, even if their files no longer exist.
@@ -52,6 +53,9 @@ def board_of_log(metadata: LogMetadata) -> Board:
 RoomInput: TypeAlias = Room | Path | str
 PlaceInput: TypeAlias = Place | Sequence[float] | FloatArray | str
 BoardInput: TypeAlias = Board | Path | str
+
+_STILL, _STILL_TURN = 0.001, math.radians(0.1)  # m and rad; a sensor that moves less stands still
+_ONE_PLACE, _ONE_HEADING = 0.05, math.radians(3)  # m and rad; beyond, readings do not belong to one place
 
 
 @dataclass(frozen=True)
@@ -85,6 +89,35 @@ class GivenScan:
                     "Settings has no speed of sound; give another log, or `sonarhw log export` it for its echo times"
                 )
 
+    @cached_property
+    def poses(self) -> FloatArray | None:
+        """The poses of the readings, (n, 3) m, m and rad; None if one is unknown, or if the sensor stands still."""
+        known = [reading.pose for reading in self.readings if reading.pose is not None]
+        if len(known) < len(self.readings):
+            return None
+        poses = np.array(known)
+        return None if np.ptp(poses[:, :2], axis=0).max() < _STILL and _turn(poses) < _STILL_TURN else poses
+
+    def check_stands(self) -> None:
+        """Raise InputError if the sensor has moved too far for one place."""
+        if self.poses is None:
+            return
+        moved = float(np.hypot(*(self.poses[:, :2] - self.poses[0, :2]).T).max())
+        if moved > _ONE_PLACE or _turn(self.poses) > _ONE_HEADING:
+            raise InputError(
+                f"{self.where}: the sensor moves by {moved:.2f} m and turns by {math.degrees(_turn(self.poses)):.0f}°; "
+                "expected readings from one place; `sonarhw compare` and `sonarhw track` use a pose for each reading"
+            )
+
+    def places(self, begin: Place) -> list[Place] | None:
+        """Return the place of each reading if the first is at `begin`; None if the sensor stands still."""
+        if self.poses is None:
+            return None
+        x, y, heading = self.poses[0].tolist()
+        start = *begin.position, begin.heading
+        moved = [moved_by(start, step_between((x, y, heading), pose)) for pose in map(tuple, self.poses.tolist())]
+        return [replace(begin, position=(x, y), heading=turn) for x, y, turn in moved]
+
     @property
     def origin(self) -> Origin:
         """The origin of the readings: that of the log, else that of the first reading."""
@@ -112,8 +145,13 @@ class GivenScan:
         return room
 
     def place(self, room: Room, given: PlaceInput | None = None) -> Place:
-        """Return the given place, else the recorded one, else the only one. Raises InputError if there is none."""
+        """Return the given place, else the recorded one, else the first pose, else the only place.
+
+        Raises InputError if there is none.
+        """
         wanted = self.recorded_place(room) if given is None else given
+        if wanted is None and self.poses is not None:
+            return place_at("poses", self.poses[0])
         if wanted is None and len(room.places) != 1:
             places = ", ".join(room.places) or "none"
             raise InputError(
@@ -218,7 +256,7 @@ def scan_from_arrays(
     headings: ArrayLike,
     ranges: ArrayLike,
     *,
-    pose: PlaceInput | None = None,
+    pose: PlaceInput | ArrayLike | None = None,
     times: ArrayLike | None = None,
     degrees: bool = False,
     speed_of_sound: float | None = None,
@@ -227,10 +265,10 @@ def scan_from_arrays(
 
     `headings` (n,) rad are counter-clockwise from the heading of the pose. `ranges` are m: (n,), or (n, p) for p pings
     at each heading, or (n, p, e) with the e echoes of each ping, earliest first. NaN, inf or None means no echo.
-    `pose` is x and y in m and no heading or one in rad, counter-clockwise from x. With `degrees`, `headings` and that
-    heading are degrees. `times` (n,) s are those of the pings, by default 0.1 s apart. `speed_of_sound` (m/s), by
-    default that at 20 °C, only converts ranges to times of echoes. Raises InputError. Warns if angles are probably
-    degrees, or ranges centimetres.
+    `pose` is x and y in m and no heading or one in rad, counter-clockwise from x; of a sensor that moves, one for each
+    heading, (n, 3). With `degrees`, `headings` and those of poses are degrees. `times` (n,) s are those of the pings,
+    by default 0.1 s apart. `speed_of_sound` (m/s), by default that at 20 °C, only converts ranges to times of echoes.
+    Raises InputError. Warns if angles are probably degrees, or ranges centimetres.
     """
     turned = arguments.in_radians("headings", arguments.angles("headings", headings), degrees)
     echoes = echoes_of(ranges, len(turned))
@@ -239,6 +277,7 @@ def scan_from_arrays(
         warned_of.add("beyond reach")
     started = 0.1 * np.arange(len(turned)) if times is None else _times(times, len(turned))
     speed = Air().speed_of_sound if speed_of_sound is None else speed_of_sound
+    poses = _poses(pose, len(turned), degrees)
     pings = echoes.shape[1]
     readings = [
         Reading(
@@ -250,13 +289,14 @@ def scan_from_arrays(
             echo_times=tuple(2 * echo / speed for echo in of_ping if math.isfinite(echo)),
             speed_of_sound=speed,
             origin=Origin.IMPORTED,
+            pose=None if poses is None else poses[row],
         )
         for row, (angle, time, of_heading) in enumerate(
             zip(turned.tolist(), started.tolist(), echoes.tolist(), strict=True)
         )
         for ping, of_ping in enumerate(of_heading)
     ]
-    placed = None if pose is None else _pose(pose, degrees)
+    placed = None if pose is None or poses is not None else _pose(cast(PlaceInput, pose), degrees)
     return GivenScan("the scan", tuple(readings), pose=placed, warned_of=frozenset(warned_of))
 
 
@@ -283,6 +323,22 @@ def _times(times: ArrayLike, headings: int) -> FloatArray:
     if read.shape != (headings,) or not np.isfinite(read).all():
         raise arguments.refusal("times", f"finite seconds, ({headings},), one for each heading", read)
     return read
+
+
+def _poses(pose: object, headings: int, degrees: bool) -> list[RobotPose] | None:
+    """Return a pose for each heading; None if one place, or nothing, is given. Raises InputError."""
+    if pose is None or isinstance(pose, Place | str) or np.ndim(np.asarray(pose, dtype=object)) < 2:
+        return None
+    read = arguments.rows("pose", pose, (3,), "x and y in metres and a heading in radians")
+    if len(read) != headings:
+        raise InputError(f"pose: expected one, or one for each of {counted(headings, 'heading')}, got {len(read)}")
+    turns = arguments.in_radians("pose", read[:, 2], degrees)
+    return [(x, y, turn) for (x, y, _), turn in zip(read.tolist(), turns.tolist(), strict=True)]
+
+
+def _turn(poses: FloatArray) -> float:
+    """Return by how much the heading of poses (n, 3) differs from the first, at most, rad."""
+    return float(np.abs(angle_difference(poses[:, 2], poses[0, 2])).max())
 
 
 def _pose(pose: PlaceInput, degrees: bool) -> Place:

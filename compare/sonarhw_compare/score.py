@@ -143,7 +143,8 @@ def _scan(prediction: PredictedScan, options: PredictionOptions | None, model: M
         return prediction
     if model is not Model.RAY_FOLLOWING:
         return replace(prediction, board=replace(board, threshold_sd_db=0.0))
-    return scan_with_fainter_paths(prediction.room, prediction.place, board, prediction.headings, options)
+    place = prediction.place if prediction.places is None else prediction.places
+    return scan_with_fainter_paths(prediction.room, place, board, prediction.headings, options)
 
 
 def _probability(measured: float | None, outcomes: Sequence[PossibleReading], board: Board) -> float:

@@ -1,7 +1,7 @@
 """The predicted scan: the paths at one place, the reading at each heading, and what the board receives there."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
@@ -183,6 +183,7 @@ def _sums_between(lengths: FloatArray, amplitudes: ComplexArray, begins: FloatAr
 # with 24 dB, those dropped change 4 of 100 000 readings of the paper's receiver in random rooms, with 36 dB none
 # (`python -m benchmarks.brute_force`). Whole signals with so many paths would take twice as long.
 KEPT_BELOW_THRESHOLD = {Receiver.FIRST_ECHO: 36.0, Receiver.BOARD: 24.0}
+FAINTEST_PATCH = 0.01  # share of the faintest amplitude of other paths: the power of many patches adds up
 
 
 def path_amplitudes(
@@ -289,15 +290,21 @@ def find_by_heading(
     return replace(scan, sender_headings=sender_headings[order], lateness=lateness[order])
 
 
-def standpoints(board: Board, place: Place, headings: FloatArray) -> FloatArray:
+def standpoints(board: Board, place: Place | FloatArray, headings: FloatArray) -> FloatArray:
     """Return the position of the receiving transducer at `headings` (n,) rad in the room, (n, 2) float, m.
 
-    For a ring, this is the position of a sensor with that heading.
+    `place` is that of all headings, or the pose of each, (n, 3). For a ring, this is the position of a sensor with that
+    heading.
     """
-    ahead, left = arm(board)
-    cosines, sines = np.cos(headings), np.sin(headings)
-    aside = np.column_stack((ahead * cosines - left * sines, ahead * sines + left * cosines))
-    return np.asarray(aside + board.at_axis(place).position)
+    poses = np.array([[*place.position, place.heading]]) if isinstance(place, Place) else place
+    axis, arm_ahead = np.array([board.axis_x, board.axis_y]), np.array(arm(board))
+    return np.asarray(poses[:, :2] + _turned_by(poses[:, 2], axis) + _turned_by(headings, arm_ahead))
+
+
+def _turned_by(angles: FloatArray, vector: FloatArray) -> FloatArray:
+    """Return a vector (2,) turned by each of the angles (n,) rad, (n, 2)."""
+    (ahead, left), cosines, sines = vector, np.cos(angles), np.sin(angles)
+    return np.column_stack((ahead * cosines - left * sines, ahead * sines + left * cosines))
 
 
 def arm(board: Board) -> tuple[float, float]:
@@ -341,10 +348,10 @@ _FREQUENCIES = 25  # at which the reflections of a path are multiplied
 
 @dataclass(frozen=True, eq=False)
 class PredictedScan:
-    """The readings that a board is predicted to report at one place. Scans are equal if all their values are equal."""
+    """The readings that a board is predicted to report. Scans are equal if all their values are equal."""
 
     room: Room
-    place: Place
+    place: Place  # of a sensor that moves: the first
     board: Board
     headings: FloatArray  # (n,), rad in the room
     paths: Paths  # (p,), shortest first
@@ -359,6 +366,7 @@ class PredictedScan:
     seed: int = 0  # of the noise
     grain: int | None = None  # seed of the speckle of rough surfaces; None: their mean power
     of_own_body: BoolArray | None = None  # (n,): which readings are of the carrier's own body; None: none
+    poses: FloatArray | None = None  # (n, 3): x, y (m) and heading (rad) of the place of each reading; None: `place`
 
     def __eq__(self, other: object) -> bool:
         return same_values(self, other) if isinstance(other, PredictedScan) else NotImplemented
@@ -381,10 +389,24 @@ class PredictedScan:
         """Length of each path by the time that the board counts, (p,) m: true length plus `lateness`."""
         return self.paths.lengths if self.lateness is None else self.paths.lengths + self.lateness
 
+    @property
+    def where(self) -> str:
+        """The place in titles: `place bench`, or `6 poses`."""
+        if self.poses is None:
+            return f"place {self.place.name}"
+        return counted(1 + int((np.diff(self.poses, axis=0) != 0).any(axis=1).sum()), "pose")
+
+    @property
+    def places(self) -> list[Place] | None:
+        """The place of each reading of a sensor that moves, with the actual heading of step 0; None of one place."""
+        if self.poses is None:
+            return None
+        return [replace(self.place, position=(x, y), heading=turn) for x, y, turn in self.poses.tolist()]
+
     @cached_property
     def standpoints(self) -> FloatArray:
         """Position of the receiving transducer at each heading, (n, 2) m."""
-        return standpoints(self.board, self.place, self.headings)
+        return standpoints(self.board, self.place if self.poses is None else self.poses, self.headings)
 
     @cached_property
     def blanked(self) -> BoolArray:
@@ -741,6 +763,61 @@ def silent_scan(
     return PredictedScan(room, place, board, headings, paths, unit, winners, distances, only_at)
 
 
+def joined(scans: Sequence[PredictedScan]) -> PredictedScan:
+    """Return the readings of scans from several places, at least one, as one scan.
+
+    Each path exists at one heading, at which it is not much too faint. Room and place are those of the first scan.
+    """
+    parts = [part for scan in scans for part in _by_heading(scan)]
+    counts = [len(rows) for _, _, rows in parts]
+    begins = np.cumsum([0, *counts[:-1]])
+    paths = Paths.join([scan.paths.select(rows) for scan, _, rows in parts])
+    lateness = np.concatenate([scan.apparent_lengths[rows] - scan.paths.lengths[rows] for scan, _, rows in parts])
+    senders = np.concatenate([_senders(scan, k)[rows] for scan, k, rows in parts])
+    winners = [
+        begin + int(np.flatnonzero(rows == scan.winners[k])[0]) if scan.winners[k] >= 0 else -1
+        for (scan, k, rows), begin in zip(parts, begins.tolist(), strict=True)
+    ]
+    order = np.argsort(paths.lengths + lateness, kind="stable")
+    places = np.empty(len(order) + 1, dtype=np.intp)
+    places[order], places[-1] = np.arange(len(order)), -1
+    of_own_body = [
+        np.zeros(len(scan.headings), np.bool_) if scan.of_own_body is None else scan.of_own_body for scan in scans
+    ]
+    return replace(
+        scans[0],
+        headings=np.concatenate([scan.headings for scan in scans]),
+        paths=paths.select(order),
+        winners=places[winners],
+        distances=np.concatenate([scan.distances for scan in scans]),
+        only_at=np.repeat(np.arange(len(parts)), counts)[order],
+        sender_headings=senders[order],
+        lateness=lateness[order],
+        of_own_body=np.concatenate(of_own_body) if scans[0].of_own_body is not None else None,
+        poses=np.array([(*scan.place.position, scan.place.heading) for scan, _, _ in parts]),
+    )
+
+
+def _by_heading(scan: PredictedScan) -> Iterator[tuple[PredictedScan, int, NDArray[np.intp]]]:
+    """Yield each heading of a scan, with the rows of the paths that may matter there."""
+    least = faintest_kept(scan.board, KEPT_BELOW_THRESHOLD[scan.receiver])
+    for k in range(len(scan.headings)):
+        rows = scan.rows_at(k)
+        if scan.only_at is None:
+            paths = scan.paths.select(rows)
+            weak = np.where(paths.scattered, FAINTEST_PATCH, 1.0) * least
+            loud = np.abs(scan.amplitudes_at(k, rows, paths)) >= weak
+            rows = rows[loud | (rows == scan.winners[k])]
+        yield scan, k, rows
+
+
+def _senders(scan: PredictedScan, index: int) -> FloatArray:
+    """Return the heading of the sender of each path, (p,) rad, at heading `index`."""
+    if scan.sender_headings is not None:
+        return scan.sender_headings
+    return np.full(len(scan.paths), scan.headings[index])
+
+
 def _decibels(amplitudes: float | FloatArray) -> FloatArray:
     with np.errstate(divide="ignore"):
         return np.asarray(20 * np.log10(amplitudes))
@@ -873,7 +950,7 @@ def with_own_body(scan: PredictedScan) -> PredictedScan:
 
     The heading of the scan's place is the actual one of the turntable's zero.
     """
-    board, zero = scan.board, scan.place.heading
+    board, zero = scan.board, scan.place.heading  # before scans of several places are joined
     owned = [own_range(board.own_body, board.angle_at(heading, zero)) for heading in scan.headings.tolist()]
     own = board.true_ranges(np.array([np.nan if distance is None else distance for distance in owned]))
     nearest = np.fmin(own, scan.distances)

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
@@ -14,11 +15,13 @@ from sonarhw_sim.air import DEFAULT_BOARD, EdgeStrength, Model, Receiver, Unit
 from sonarhw_sim.board.profile import Board, largest_gain, load_board
 from sonarhw_sim.compiled import compiled, rows_in_parts
 from sonarhw_sim.predict.predicted_scan import (
+    FAINTEST_PATCH,
     KEPT_BELOW_THRESHOLD,
     PredictedScan,
     SensorPair,
     faintest_kept,
     find_by_heading,
+    joined,
     loud_enough,
     path_amplitudes,
     silent_scan,
@@ -39,7 +42,6 @@ from sonarhw_sim.space.sections import cut, paths_from, spanning_at
 # dB. The number of diffracted paths is infinite. A board that detects each path alone needs those down to so far below
 # its threshold; one that adds arrivals needs all that are kept.
 _DIFFRACTED_ALONE = 3.0
-_PATCH = 0.01  # share of the faintest amplitude of other paths: the power of many patches adds up
 
 
 _OPTIONS: dict[str, arguments.Check] = {
@@ -204,7 +206,9 @@ def _scan_by_heading(
         sender_headings = np.full(len(paths), pair.sender.heading)
         without_beam = strengths(room, board, paths)
         amplitudes = path_amplitudes(room, board, pair.listener.heading, paths, without_beam, sender_headings)
-        return paths.select(np.flatnonzero(np.abs(amplitudes) >= np.where(paths.scattered, _PATCH, 1.0) * faintest))
+        return paths.select(
+            np.flatnonzero(np.abs(amplitudes) >= np.where(paths.scattered, FAINTEST_PATCH, 1.0) * faintest)
+        )
 
     return find_by_heading(room, place, board, headings, find, options.unit)
 
@@ -237,6 +241,22 @@ def predict_with(
     """Return the scan that `model` predicts for `board` at `place` and at `headings` (n,) rad in the room."""
     headings = np.ascontiguousarray(headings, dtype=np.float64)
     return _FUNCTIONS[model](room, place, board, headings, options or PredictionOptions())
+
+
+def predict_along(
+    model: Model,
+    room: Room,
+    places: Sequence[Place],
+    board: Board,
+    headings: FloatArray,
+    options: PredictionOptions | None = None,
+) -> PredictedScan:
+    """Return the scan of a sensor that moves: the place and the heading (n,) rad in the room of each reading.
+
+    The places are as in `predict_scan`, at least one.
+    """
+    groups = [[*rows] for _, rows in groupby(range(len(places)), key=lambda row: places[row])]
+    return joined([predict_with(model, room, places[rows[0]], board, headings[rows], options) for rows in groups])
 
 
 def predicts(model: Model) -> Callable[[ModelFunction], ModelFunction]:

@@ -1,7 +1,7 @@
 """The probability of each reading, from the spreads of the board and of the room."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -9,12 +9,12 @@ import numpy as np
 
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
-from sonarhw_sim.air import ROOM_TOLERANCE, Receiver
+from sonarhw_sim.air import ROOM_TOLERANCE, Model, Receiver
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.receiver import charge_levels
 from sonarhw_sim.board.signal import RATE, covered_by_burst
 from sonarhw_sim.predict.predicted_scan import PredictedScan
-from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, received_by
+from sonarhw_sim.predict.prediction import PredictionOptions, predict_along, predict_scan, received_by
 from sonarhw_sim.room.room import Place, Room
 
 # The echoes that one ping at one heading could report, each with its probability of detection.
@@ -154,12 +154,22 @@ class PossibleReading:
 
 
 def scan_with_fainter_paths(
-    room: Room, place: Place, board: Board, headings: FloatArray, options: PredictionOptions | None = None
+    room: Room,
+    place: Place | Sequence[Place],
+    board: Board,
+    headings: FloatArray,
+    options: PredictionOptions | None = None,
 ) -> PredictedScan:
-    """Return the scan of `predict_scan`, with the paths that a threshold lower by 3 standard deviations detects."""
+    """Return the scan of `predict_scan`, with the paths that a threshold lower by 3 standard deviations detects.
+
+    `place` is that of all headings, or of each.
+    """
     options = options or PredictionOptions()
     fainter = replace(board, threshold_db=board.threshold_db - _SEARCHED * board.threshold_sd_db)
-    scan = predict_scan(room, place, fainter, headings, options)
+    if isinstance(place, Place):
+        scan = predict_scan(room, place, fainter, headings, options)
+    else:
+        scan = predict_along(Model.RAY_FOLLOWING, room, place, fainter, headings, options)
     return received_by(replace(scan, board=board), options) if board.threshold_sd_db else scan
 
 

@@ -87,6 +87,74 @@ def test_scans_are_sweeps_and_sonars_are_a_step_apart(tmp_path: Path, kind: Any)
     assert len(imported(bag)) == 12
 
 
+def moving(store: Any, ros1: bool, framed: bool) -> list[tuple[str, str, Any]]:
+    """Poses at 0 and 4 s around the messages above: of odometry, or of frames that are turned by 90° in the map."""
+    kinds = store.types
+    vector, quaternion = kinds["geometry_msgs/msg/Vector3"], kinds["geometry_msgs/msg/Quaternion"]
+
+    def turned(yaw: float) -> Any:
+        return quaternion(0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
+
+    if framed:
+        stamped_kind, transform = kinds["geometry_msgs/msg/TransformStamped"], kinds["geometry_msgs/msg/Transform"]
+
+        def frame(parent: str, child: str, x: float, yaw: float) -> Any:
+            header = stamped(store, 0, ros1)
+            header.frame_id = parent
+            return stamped_kind(header, child, transform(vector(x, 0.0, 0.0), turned(yaw)))
+
+        many = kinds["tf2_msgs/msg/TFMessage"]
+        return [
+            (
+                "/tf",
+                many.__msgtype__,
+                many([frame("map", "odom", 5.0, math.pi / 2), frame("odom", "base_link", x, yaw)]),
+            )
+            for x, yaw in ((0.0, 3.1), (2.0, 3.1 + 0.4))
+        ]
+    pose, point = kinds["geometry_msgs/msg/Pose"], kinds["geometry_msgs/msg/Point"]
+    placed, moved = kinds["geometry_msgs/msg/PoseWithCovariance"], kinds["geometry_msgs/msg/TwistWithCovariance"]
+    still = moved(kinds["geometry_msgs/msg/Twist"](vector(0.0, 0.0, 0.0), vector(0.0, 0.0, 0.0)), np.zeros(36))
+    odometry = kinds["nav_msgs/msg/Odometry"]
+    return [
+        (
+            "/odom",
+            odometry.__msgtype__,
+            odometry(
+                stamped(store, 0, ros1), "base", placed(pose(point(x, 0.0, 0.0), turned(yaw)), np.zeros(36)), still
+            ),
+        )
+        for x, yaw in ((0.0, 3.1), (2.0, 3.1 + 0.4))
+    ]
+
+
+@pytest.mark.parametrize("ros1", [True, False], ids=["ROS 1", "ROS 2"])
+@pytest.mark.parametrize("framed", [True, False], ids=["frames", "odometry"])
+def test_each_reading_has_the_pose_at_its_time(tmp_path: Path, ros1: bool, framed: bool) -> None:
+    """Messages are 1 s apart: a quarter of the way from the first pose to the second, then a half of it."""
+    store = typesys.get_typestore(typesys.Stores.ROS1_NOETIC if ros1 else typesys.Stores.ROS2_HUMBLE)
+    if ros1:
+        text = "geometry_msgs/TransformStamped[] transforms"
+        store.register(typesys.get_types_from_msg(text, "tf2_msgs/msg/TFMessage"))
+    writer = rosbag1.Writer(tmp_path / "a.bag") if ros1 else None
+    bag = writer or rosbag2.Writer(tmp_path / "bag", version=9, storage_plugin=rosbag2.StoragePlugin.MCAP)
+    scans, poses = messages(store, ros1)[:2], moving(store, ros1, framed)
+    with bag as opened:
+        connections: dict[str, Any] = {}
+        for seconds, (topic, kind, message) in zip((0, 1, 2, 4), (poses[0], *scans, poses[1]), strict=True):
+            if topic not in connections:
+                connections[topic] = opened.add_connection(topic, kind, typestore=store)
+            data = store.serialize_ros1(message, kind) if ros1 else store.serialize_cdr(message, kind)
+            opened.write(connections[topic], (100 + seconds) * 10**9, data)
+    readings = imported(tmp_path / ("a.bag" if ros1 else "bag"))
+    for reading, share in zip(readings, [0.25] * 5 + [0.5] * 5, strict=True):
+        x, yaw = 2 * share, 3.1 + 0.4 * share
+        expected = (5.0, x, yaw + math.pi / 2) if framed else (x, 0.0, yaw)
+        assert reading.pose is not None
+        assert reading.pose[:2] == pytest.approx(expected[:2], abs=1e-6)
+        assert math.remainder(reading.pose[2] - expected[2], math.tau) == pytest.approx(0, abs=1e-6)
+
+
 def damaged(folder: Path, kind: str) -> Path:
     match kind:
         case "empty":

@@ -1,5 +1,6 @@
 """`sonarhw import` of CSV files and CARMEN logs: means of several pings, real scans, sweeps and times of a robot."""
 
+import json
 import math
 from pathlib import Path
 
@@ -122,7 +123,19 @@ def test_sonar_lines_of_a_carmen_log_are_sweeps(tmp_path: Path, capsys: pytest.C
     assert readings[4].time - readings[0].time == pytest.approx(0.2, abs=1e-4)
 
 
-def test_a_moving_robot_gives_a_warning(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert carmen(tmp_path, CARMEN.format(x="1.500"), "--no-echo", "5", "--turn", "cw") == 0
-    assert "the robot moves by 0.50 m between the readings" in capsys.readouterr().err
-    assert degrees(read_log(tmp_path / "out.mcap").readings)[0] == pytest.approx(-90, abs=1e-4)
+def test_each_reading_of_a_carmen_log_has_the_pose_of_the_odometry_at_its_time(tmp_path: Path) -> None:
+    """The first sweep is 0.1 s after the first of two poses that are 0.15 s apart, the second after both."""
+    assert carmen(tmp_path, CARMEN.format(x="1.600"), "--no-echo", "5", "--turn", "cw") == 0
+    readings = read_log(tmp_path / "out.mcap").readings
+    assert degrees(readings)[0] == pytest.approx(-90, abs=1e-4)
+    for reading, x in zip(readings, [1.4] * 4 + [1.6] * 4, strict=True):
+        assert reading.pose == pytest.approx((x, 2.0, 0.1), abs=1e-6)
+
+
+def test_a_log_of_a_moving_robot_is_compared_where_its_readings_were_made(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert carmen(tmp_path, CARMEN.format(x="1.600"), "--no-echo", "5", "--room", "simple") == 0
+    assert run(["compare", str(tmp_path / "out.mcap"), "--board", "hc-sr04", "--json", "--explain"]) == 0
+    rows = json.loads(capsys.readouterr().out)["readings"]
+    assert [(row["x_m"], row["yaw_deg"]) for row in rows] == [(x, 5.729578) for x in [1.4] * 4 + [1.6] * 4]
