@@ -359,6 +359,8 @@ def _status(arguments: list[str] | None) -> int:
         return ExitStatus.INTERRUPTED
     except BrokenPipeError:
         return ExitStatus.DONE
+    except MemoryError:
+        return _report("there is not enough free memory; close other programs", ExitStatus.FAILED)
     except OSError as error:
         # an error about a file contains its name; without a name, the full disk is that of standard output
         where = error.filename or ("standard output" if error.errno == errno.ENOSPC else "")

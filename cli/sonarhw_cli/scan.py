@@ -174,11 +174,12 @@ def scan(
     """Scan and record a log. With --print, each reading is also written to standard output as it arrives."""
     from sonarhw.plugins.device_plugin import takes_orders
 
-    if not takes_orders(url):
+    by_itself = not takes_orders(url)
+    if by_itself:
         refuse_orders(context)
     order = options.order_in_degrees(start, stop, step, sweeps, pings)
     options.warn_of_radians(start, stop)
-    request = ScanRequest(order, board, max_range, temperature, traces, show, zero_here, not takes_orders(url))
+    request = ScanRequest(order, board, max_range, temperature, traces, show, zero_here, by_itself)
     checked_out(out, (options.LOG,), force, url, room, board)
     check_request(request)
     where = room_and_place(room, place, out)
@@ -513,11 +514,12 @@ def serve(
 
     if out is not None:
         checked_out(out, (options.LOG,), force, url, room, board)
-    if not takes_orders(url):
+    by_itself = not takes_orders(url)
+    if by_itself:
         refuse_orders(context)
     order = options.order_in_degrees(start, stop, step, sweeps or _sweeps(start, stop, step, pings), pings)
     options.warn_of_radians(start, stop)
-    request = ScanRequest(order, board, max_range, temperature, traces, False, zero_here, not takes_orders(url))
+    request = ScanRequest(order, board, max_range, temperature, traces, False, zero_here, by_itself)
     check_request(request)
     where = room_and_place(room, place, out)
     alone = None if room or place is None else inputs.place_without_room(place)

@@ -85,7 +85,8 @@ def monitor(url: inputs.ScannerUrl) -> None:
     from sonarhw.plugins.device_plugin import is_plugin, make_plugin
 
     if is_plugin(url):
-        _monitor_plugin(make_plugin(url))
+        with make_plugin(url) as plugin:
+            _monitor_plugin(plugin)
     with inputs.resolve(url) as find, Link(find()) as link:
         arrived = _Arrived()
         try:

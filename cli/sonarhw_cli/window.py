@@ -229,7 +229,10 @@ def _board_of(url: str) -> str | None:
 
     from sonarhw.plugins.device_plugin import is_plugin, make_plugin
 
-    board = make_plugin(url).identity.board if is_plugin(url) else None
+    if not is_plugin(url):
+        return None
+    with make_plugin(url) as plugin:
+        board = plugin.identity.board
     return board if board in board_names() else None
 
 
@@ -251,7 +254,7 @@ class _Scanners:
 
         scene = _fake_scene(url, _NOTHING) if is_fake(url) else None
         if is_plugin(url):
-            make_plugin(url)  # an invalid URL is reported before a connection is made
+            make_plugin(url).stop()  # an invalid URL is reported before a connection is made
         return ScannerTarget(url, self.opener(url), scene, partial(self.opener, url) if follows else None)
 
     def opener(self, url: str, scene: "Scene | None" = None) -> "ScannerOpener":

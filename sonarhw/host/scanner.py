@@ -715,6 +715,8 @@ class Scanner:
         if self._plugin:
             self._plugin.cancel()
         self._thread.close()
+        if self._plugin:
+            self._plugin.stop()
         self._on_close()
 
     # the device of a plug-in

@@ -10,19 +10,28 @@ Every command, the window and `sonarhw.open_scanner` then open `mysonar:...`. Th
 Stop and the state of the connection come from `Scanner`.
 """
 
+import ctypes
 import math
+import os
+import pickle
+import signal
+import subprocess
+import sys
 import threading
+import time
+import weakref
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from itertools import islice
-from typing import ClassVar
+from queue import SimpleQueue
+from typing import Any, BinaryIO, ClassVar, Self, TypeVar
 
-from sonarhw.errors import DeviceError, InputError, NoAnswer, SonarError
+from sonarhw.errors import CommandRefused, DeviceError, InputError, LinkError, MissingExtra, NoAnswer, SonarError
 from sonarhw.link import KNOWN_SCHEMES, WITH_HOST
 from sonarhw.readings import ScanOrder
 from sonarhw.wire.limits import MAX_TEXT
@@ -88,7 +97,7 @@ def _ignore(data: bytes) -> None:
 
 
 class DevicePlugin(ABC):
-    """A device at a URL. One thread calls `open`, `begin`, `read`, `end` and `close`.
+    """A device at a URL, in a process of its own. `open`, `begin`, `read`, `end` and `close` are called in turn.
 
     `DevicePlugin(url)` checks the URL, raises InputError if it is invalid, and opens nothing.
     """
@@ -156,16 +165,22 @@ def guarded(url: str, origin: str) -> Iterator[None]:
     except BaseException as error:
         if isinstance(error, KeyboardInterrupt) and threading.current_thread() is threading.main_thread():
             raise
-        raise DeviceError(
-            f"{url}: the plug-in {origin} has a defect: {_described(error)}; report it to its author"
-        ) from error
+        raise _defect(url, origin, error) from error
+
+
+def _defect(url: str, origin: str, error: BaseException) -> DeviceError:
+    return DeviceError(f"{url}: the plug-in {origin} has a defect: {_described(error)}; report it to its author")
 
 
 def _described(error: BaseException) -> str:
+    return f"{type(error).__name__}: {_text_of(error)}".partition("\n")[0]
+
+
+def _text_of(error: BaseException) -> str:
     try:
-        return f"{type(error).__name__}: {error}".partition("\n")[0]
+        return str(error)
     except Exception:  # noqa: BLE001 - the text of an error is code of the plug-in too
-        return type(error).__name__
+        return ""
 
 
 class CheckedPlugin:
@@ -240,13 +255,28 @@ class CheckedPlugin:
         with self._guarded():
             return tuple(map(str, self._plugin.notes))
 
+    @property
+    def diagnosis(self) -> str:
+        """Clause for the error if no measurement arrives: what arrived instead."""
+        if skipped := ", ".join(f"{kind} ({count})" for kind, count in self._skipped.items()):
+            return f"the plug-in {self._origin} returns {skipped}"
+        with self._guarded():
+            return str(self._plugin.diagnosis)
+
     def no_reading(self, when: str) -> NoAnswer:
         """Return the error for a device that sends no measurement, with what arrived instead."""
-        skipped = ", ".join(f"{kind} ({count})" for kind, count in self._skipped.items())
-        if skipped:
-            return NoAnswer(f"{self.url}: no reading {when}; the plug-in {self._origin} returns {skipped}")
-        with self._guarded():
-            return NoAnswer(f"{self.url}: no reading {when}; {self._plugin.diagnosis}")
+        return NoAnswer(f"{self.url}: no reading {when}; {self.diagnosis}")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def stop(self) -> None:
+        """End the process of the plug-in, if it has one. A second call does nothing."""
+        if isinstance(self._plugin, _PluginApart):
+            self._plugin.stop()
 
     def _guarded(self) -> AbstractContextManager[None]:
         return guarded(self.url, self._origin)
@@ -255,6 +285,252 @@ class CheckedPlugin:
 def start_of(text: str, most: int) -> str:
     """Return the start of a text, up to `most` bytes."""
     return text.encode()[:most].decode(errors="ignore")
+
+
+# Plug-ins of other packages run in processes of their own. Native code that does not return, or crashes, then cannot
+# hold this process and its recording.
+
+
+_RUN = "import sys; sys.path[:], sys.argv[:] = {!r}, {!r}; from {} import serve_plugin; serve_plugin()"
+_END_WITHIN = 0.4  # s for the end of a process, once its plug-in is closed
+_HANGS = 1.0  # s; a longer call is stated in the diagnosis
+_PR_SET_PDEATHSIG = 1  # of Linux
+
+
+@dataclass(frozen=True)
+class _Stated:
+    """What a plug-in states of itself after a call, or the errors that this raises."""
+
+    takes_orders: bool
+    identity: DeviceIdentity | SonarError
+    ignored: dict[str, int]
+    notes: tuple[str, ...] | SonarError
+    diagnosis: str | SonarError
+
+
+_Call = tuple[int, str, tuple[Any, ...]]  # number, name and arguments
+_Answer = tuple[int, Any, _Stated | None]  # number, result or error, what is stated
+
+
+class _PluginApart(DevicePlugin):
+    """A plug-in in a process of its own. One thread calls it at a time; what it states of itself is never awaited."""
+
+    def __init__(self, url: str, value: str, origin: str) -> None:
+        """Load the class at the entry point `value`. Raises what `_loaded` raises."""
+        super().__init__(url)
+        self._making, self._origin = (url, value, origin), origin
+        self._number = 0  # of the newest call
+        self._stated: _Stated
+        self._calling: tuple[str, float] | None = None  # name of the call that runs, and when it began, s
+        self._start()
+
+    def _start(self) -> None:
+        self._answers = SimpleQueue[_Answer | None]()
+        started = SimpleQueue["subprocess.Popen[bytes] | OSError"]()
+        threading.Thread(target=_listen, args=(started, self._answers), name=f"plug-in {self.url}", daemon=True).start()
+        process = started.get()
+        if isinstance(process, OSError):
+            raise LinkError(f"{self.url}: no process for the plug-in {self._origin}: {process}") from process
+        self._process = process
+        self._end = weakref.finalize(self, _end, process)
+        try:
+            self._call("make", *self._making)
+        except BaseException:
+            self.stop()
+            raise
+
+    def _call(self, name: str, *arguments: Any) -> Any:
+        """Return what a method of the plug-in returns. Raises what it raises, and DeviceError if its process ends."""
+        self._number += 1
+        self._calling = name, time.monotonic()
+        assert self._process.stdin is not None
+        with suppress(OSError, ValueError):  # it has ended, or is stopped
+            pickle.dump((self._number, name, arguments), self._process.stdin)
+            self._process.stdin.flush()
+        answer = self._answers.get()
+        while answer is not None and answer[0] != self._number:  # of a call whose caller was interrupted
+            answer = self._answers.get()
+        if answer is None:
+            self._answers.put(None)
+            raise DeviceError(f"{self.url}: the plug-in {self._origin} ended its process during {name!r}")
+        self._calling = None
+        _, result, stated = answer
+        if stated is not None:
+            self._stated = stated
+        return _result(result)
+
+    def open(self) -> None:
+        """Open the link, in a new process if the last one has ended."""
+        if self._process.poll() is not None:
+            self.stop()
+            self._start()
+        self._call("open")
+
+    def read(self) -> list[Measurement]:
+        """Return the new measurements."""
+        data, measurements = self._call("read")
+        if data:
+            self.on_bytes(data)
+        return list(measurements)
+
+    def begin(self, order: ScanOrder) -> bool:
+        """Begin a scan."""
+        return bool(self._call("begin", order))
+
+    def end(self) -> None:
+        """End the scan."""
+        self._call("end")
+
+    def close(self) -> None:
+        """Close the link, which a process that has ended has closed."""
+        if self._process.poll() is None:
+            self._call("close")
+
+    def stop(self) -> None:
+        """End the process."""
+        self._end()
+
+    @property
+    def takes_orders(self) -> bool:  # type: ignore[override]  # of the class there, of the object here
+        """Whether it measures at ordered angles."""
+        return self._stated.takes_orders
+
+    @property
+    def identity(self) -> DeviceIdentity:
+        """The identity after the newest `open`."""
+        return _result(self._stated.identity)
+
+    @property
+    def ignored(self) -> Mapping[str, int]:
+        """What was no measurement."""
+        return self._stated.ignored
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was assumed."""
+        return _result(self._stated.notes)
+
+    @property
+    def diagnosis(self) -> str:
+        """What arrived instead of measurements, or which call does not return."""
+        calling = self._calling
+        if calling and time.monotonic() - calling[1] > _HANGS:
+            return f"the plug-in {self._origin} does not return from {calling[0]!r}"
+        return _result(self._stated.diagnosis)
+
+
+T = TypeVar("T")
+
+
+def _result(result: T | SonarError) -> T:
+    if isinstance(result, SonarError):
+        raise result
+    return result
+
+
+def _listen(started: "SimpleQueue[subprocess.Popen[bytes] | OSError]", answers: "SimpleQueue[_Answer | None]") -> None:
+    """Start the process of a plug-in, and pass its answers on; None is the last one.
+
+    Linux kills the process when the thread that started it ends, which this one therefore does last.
+    """
+    hidden: dict[str, Any] = {"start_new_session": True}  # Ctrl-C in a terminal reaches this process only
+    if sys.platform == "win32":
+        hidden = {"creationflags": subprocess.CREATE_NO_WINDOW}
+    code = _RUN.format(sys.path, sys.argv, __name__)
+    pipe = subprocess.PIPE
+    try:
+        process = subprocess.Popen([sys.executable, "-c", code], stdin=pipe, stdout=pipe, **hidden)
+    except OSError as error:
+        started.put(error)
+        return
+    started.put(process)
+    assert process.stdout is not None
+    with process.stdout, suppress(EOFError, OSError, pickle.UnpicklingError):
+        while True:
+            answers.put(pickle.load(process.stdout))
+    process.wait()
+    answers.put(None)
+
+
+def _end(process: "subprocess.Popen[bytes]") -> None:
+    assert process.stdin is not None
+    with suppress(OSError):
+        process.stdin.close()
+    try:
+        process.wait(_END_WITHIN)
+    except subprocess.TimeoutExpired:
+        if sys.platform == "win32":
+            process.kill()
+        else:
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)  # what the plug-in has started too
+
+
+def serve_plugin() -> None:
+    """Answer the calls that arrive at standard input, in this process. What a plug-in prints goes to standard error."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    calls, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+    os.dup2(2, 1)
+    received = SimpleQueue[_Call | None]()
+    threading.Thread(target=_receive, args=(calls, received), daemon=True).start()
+    with suppress(BrokenPipeError):  # the process that calls has ended
+        _serve(received, answers)
+
+
+def _serve(received: "SimpleQueue[_Call | None]", answers: BinaryIO) -> None:
+    plugin: CheckedPlugin | None = None
+    stated: _Stated | None = None
+    url = origin = ""
+    while call := received.get():
+        (number, name, arguments), result = call, None
+        try:
+            if name == "make":
+                url, _, origin = arguments
+                plugin = _loaded(*arguments)
+            else:
+                result = getattr(plugin, name)(*arguments)
+        except BaseException as error:  # noqa: BLE001 - raised again by the process that calls
+            result = _plain(error, url, origin)
+        before = stated
+        if plugin is not None:
+            stated = _statements(plugin, before.identity if before and name != "open" else None)
+        pickle.dump((number, result, None if stated == before else stated), answers)
+        answers.flush()
+
+
+def _statements(plugin: CheckedPlugin, identity: DeviceIdentity | SonarError | None) -> _Stated:
+    """Return what a plug-in states, with this identity unless it is None."""
+
+    def stated(name: str) -> Any:
+        try:
+            return getattr(plugin, name)
+        except SonarError as error:
+            return _plain(error, "", "")
+
+    identity = stated("identity") if identity is None else identity
+    return _Stated(plugin.takes_orders, identity, stated("ignored"), stated("notes"), stated("diagnosis"))
+
+
+def _plain(error: BaseException, url: str, origin: str) -> SonarError:
+    """Return an error of this package with the text of an error: the process that calls has no other classes."""
+    if not isinstance(error, SonarError):
+        return _defect(url, origin, error)
+    kinds = (kind for kind in type(error).__mro__ if issubclass(kind, SonarError))
+    # these two take more than a text
+    plain = next(k for k in kinds if k.__module__ == SonarError.__module__ and k not in (CommandRefused, MissingExtra))
+    return plain(_text_of(error))
+
+
+def _receive(calls: BinaryIO, received: "SimpleQueue[_Call | None]") -> None:
+    """Pass calls on. End this process at their end, also if the plug-in does not return."""
+    with suppress(EOFError):
+        while True:
+            received.put(pickle.load(calls))
+    received.put(None)
+    time.sleep(_END_WITHIN)
+    os._exit(0)
 
 
 # the installed plug-ins, by the scheme of their URLs
@@ -286,8 +562,15 @@ def make_plugin(url: str) -> CheckedPlugin:
     """Return the device at a URL, not yet opened. Raises InputError for an invalid URL or a plug-in without a class."""
     point = _installed()[url.partition(":")[0]][0]
     origin = _origin_of(point)
+    if point.value == _OWN[0].value:
+        return _loaded(url, point.value, origin)
+    return CheckedPlugin(_PluginApart(url, point.value, origin), origin)
+
+
+def _loaded(url: str, value: str, origin: str) -> CheckedPlugin:
+    """Return the device of the class at the entry point `value`."""
     try:
-        plugin = point.load()
+        plugin = EntryPoint("", value, GROUP).load()
     except (Exception, SystemExit) as error:  # a module may raise anything when it is imported
         raise InputError(
             f"{url}: the plug-in {origin} cannot be loaded: {_described(error)}; install it again"
@@ -309,7 +592,10 @@ def takes_orders(url: str) -> bool:
 
     Raises InputError for an invalid URL of a plug-in.
     """
-    return not is_plugin(url) or make_plugin(url).takes_orders
+    if not is_plugin(url):
+        return True
+    with make_plugin(url) as plugin:
+        return plugin.takes_orders
 
 
 @cache

@@ -35,7 +35,7 @@ _WATCHED_EACH = 1.0  # s
 _WATCHED = 2000  # newest measurements that are judged
 _TICK_US = 1  # two pings must not have the same time, because it identifies them
 _POLL = 0.05  # s; longest delay until a call from another thread takes effect
-_END_WITHIN = 2.0  # s for which `close` waits for a plug-in that blocks
+_END_WITHIN = 1.2  # s for which `close` waits for a plug-in that blocks
 _MOST_REASON = 255  # bytes of a text in Finished
 
 
@@ -412,10 +412,16 @@ class PluginLink:
         self._cancelled = True
 
     def close(self) -> None:
-        """End the thread, which closes the device. A plug-in that blocks is left alone. A second call does nothing."""
+        """End the thread, which closes the device. The process of a plug-in that blocks is ended."""
         self._closing.set()
         if self._thread:
             self._thread.join(_END_WITHIN)
+            if self._thread.is_alive():
+                self.stop()
+
+    def stop(self) -> None:
+        """End the process of the plug-in, if it has one. A second call does nothing."""
+        self._plugin.stop()
 
     @property
     def _can_continue(self) -> bool:

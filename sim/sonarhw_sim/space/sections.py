@@ -38,9 +38,15 @@ def paths_from(
     """Return every path of `search` from a place back to it, or to `receiver`, shortest first.
 
     Gains are those at the frequency of the search. `sections` parallel horizontal sections share the transducer's face
-    of radius `face` (m). Raises InputError if the place has a height and the room too many surfaces.
+    of radius `face` (m). Raises InputError if the place has a height and the room too many surfaces, and for more paths
+    than fit into memory.
     """
-    paths = _all_paths(room, place, search, receiver, face, sections)
+    try:
+        paths = _all_paths(room, place, search, receiver, face, sections)
+    except MemoryError as error:
+        raise InputError(
+            f"room {room.name!r}: too many paths for the free memory; choose a shorter range or fewer reflections"
+        ) from error
     if not room.tables:
         return paths
     frequency = np.array([room.air.speed_of_sound / search.wavelength])

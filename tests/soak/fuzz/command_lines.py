@@ -233,7 +233,7 @@ class Generator:
             chosen = chance.sample(keys, chance.randrange(1, 5))
             port = chance.choice(("missing", "loop://", *boundaries.URLS))
             return f"lines:{port}?{'&'.join(f'{key}={chance.choice(boundaries.LINES[key])}' for key in chosen)}"
-        keys = {"pace": any_of(chance, boundaries.PACES, "max", 0.1)}
+        keys = {"pace": any_of(chance, boundaries.PACES, "max", 0.1), "board": self._profile(chance, case)}
         for key, values in (
             ("place", boundaries.NAMES),
             ("seed", boundaries.NUMBERS),

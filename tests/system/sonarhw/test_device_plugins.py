@@ -307,19 +307,24 @@ def test_a_scan_keeps_its_good_measurements() -> None:
         assert any("an angle beyond" in kind for kind in scanner.ignored)
 
 
+@pytest.mark.parametrize(
+    ("defect", "message"),
+    [
+        ("1 // (self._count < 200)", "has a defect: ZeroDivisionError: integer division or modulo by zero; report it"),
+        ("1 if self._count < 200 else __import__('os').abort()", "ended its process during 'read'"),
+    ],
+)
 def test_a_plugin_that_fails_during_a_scan_keeps_the_readings_so_far(
-    sonarhw: Command, installed: Path, tmp_path: Path
+    defect: str, message: str, sonarhw: Command, installed: Path, tmp_path: Path
 ) -> None:
     code = (installed / "rangebox.py").read_text()
-    (installed / "rangebox.py").write_text(code.replace("self._count += 1", "self._count += 1 // (self._count < 200)"))
+    (installed / "rangebox.py").write_text(code.replace("self._count += 1", f"self._count += {defect}"))
     log = tmp_path / "scan.mcap"
     done = sonarhw("scan", "rangebox:2.5", "--out", str(log), "--sweeps", "20")
     kept = len(read_log(log).readings)
     assert (done.returncode, kept > 50) == (1, True)
-    assert "the plug-in rangebox:RangeBox of the package sonarhw-rangebox" in done.stderr
-    assert f"has a defect: ZeroDivisionError: integer division or modulo by zero; report it to its author; {kept} " in (
-        done.stderr
-    )
+    assert f"the plug-in rangebox:RangeBox of the package sonarhw-rangebox 1.0 {message}" in done.stderr
+    assert f"; {kept} readings are kept" in done.stderr
 
 
 class Unsteady(DevicePlugin):

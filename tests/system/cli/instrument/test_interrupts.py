@@ -82,11 +82,14 @@ BUSY = "import hashlib" + CLEANUP.replace("time.sleep(60)", "hashlib.pbkdf2_hmac
 
 
 @contextmanager
-def begun(code: str, *arguments: str, folder: Path, environment: dict[str, str]) -> Iterator[subprocess.Popen[str]]:
+def begun(
+    code: str, *arguments: str, folder: Path, environment: dict[str, str], errors: int = subprocess.PIPE
+) -> Iterator[subprocess.Popen[str]]:
     """Yield a running Python program that has printed `begun`."""
     command = [sys.executable, "-c", code, *arguments]
-    pipe = subprocess.PIPE
-    with subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, cwd=folder, env=environment) as process:
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=errors, text=True, cwd=folder, env=environment
+    ) as process:
         try:
             assert process.stdout is not None
             assert "begun\n" in iter(process.stdout.readline, "")
@@ -134,17 +137,13 @@ def test_an_exception_without_ctrl_c_gives_a_traceback(tmp_path: Path, environme
     assert "ZeroDivisionError" in errors
 
 
-# a plug-in that blocks in the call that its URL names, whatever is raised in it
+# a plug-in that blocks in the call that its URL names, in native code, during which no Python code of its process runs
 BLOCKING = """
-import math, sys, threading, time
+import ctypes, math, sys, time
 from sonarhw import DeviceIdentity, DevicePlugin, Measurement
 
 def block():
-    while True:
-        try:
-            threading.Event().wait()
-        except BaseException:
-            pass
+    ctypes.PyDLL(None).sleep(600)
 
 if "blocking:import" in sys.argv:
     print("begun", flush=True)
@@ -225,11 +224,11 @@ def test_ctrl_c_ends_a_command_whose_plugin_blocks(
         "serve": ["--foxglove", "--tcp", "127.0.0.1:0"],
     }
     environment = {**with_plugin, "QT_QPA_PLATFORM": "offscreen", "XDG_DATA_HOME": str(tmp_path)}
-    with begun(
-        code, command, f"blocking:{call}", *options.get(command, []), folder=tmp_path, environment=environment
-    ) as process:
+    arguments = [command, f"blocking:{call}", *options.get(command, [])]
+    # what a plug-in prints goes to standard error
+    with begun(code, *arguments, folder=tmp_path, environment=environment, errors=subprocess.STDOUT) as process:
         process.send_signal(signal.SIGINT)
-        _, errors = process.communicate(timeout=HANG)
+        errors, _ = process.communicate(timeout=HANG)
     assert (process.returncode, "Traceback" in errors) == (INTERRUPTED, False)
     if (command, call) == ("scan", "read"):
         assert len(read_log(tmp_path / "scan.mcap").readings) > 100
