@@ -1,6 +1,7 @@
 """Mutants are small valid changes, and the tests of a line are those that execute it or use what it defines."""
 
 import ast
+import re
 from pathlib import Path
 
 import pytest
@@ -88,91 +89,87 @@ def test_mutants_of_real_sources_are_valid_and_no_two_are_the_same(path: str) ->
         assert ast.dump(ast.parse(mutant.applied(source))) != ast.dump(ast.parse(source))
 
 
+def covering(folder: Path, files: dict[str, str], executed: dict[str, dict[str, list[int]]], log: str = "") -> Covering:
+    """Return the tests of these files in package `sonarhw`. `executed` has the lines by file and test."""
+    for name, text in files.items():
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_text(text)
+    data = CoverageData(str(folder / "unit.coverage"))
+    for name, tests in executed.items():
+        for test, lines in tests.items():
+            data.set_context(f"tests/{test}|run" if test else "")
+            data.add_lines({str(folder / name): lines})
+    data.write()
+    (folder / "unit.log").write_text(re.sub(r"(\S+s) (\S+)\n", r"\1 call     tests/\2\n", log))
+    return Covering(folder, folder, [name for name in files if name.startswith("sonarhw")])
+
+
 def test_tests_of_a_line_are_those_that_execute_it_or_use_what_it_defines(tmp_path: Path) -> None:
-    package = tmp_path / "sonarhw"
-    package.mkdir()
-    (package / "a.py").write_text("FACTOR = 2\n\n\n@compiled\ndef twice(x):\n    return FACTOR * x\n")
-    (package / "b.py").write_text(
-        "def four(x, y=2):\n    return y * twice(x)\n\n\ndef other():\n    return 3\n\n\nUNUSED = 4\n"
-    )
-    data = CoverageData(str(tmp_path / "unit.coverage"))
-    for context, lines in {"": [1, 5], "tests/a.py::slow|run": [2], "tests/a.py::quick|run": [2, 6]}.items():
-        data.set_context(context)
-        data.add_lines({str(package / "b.py"): lines})
-    data.write()
-    (tmp_path / "unit.log").write_text("0.50s call     tests/a.py::slow\n0.01s call     tests/a.py::quick\n")
-    covering = Covering(tmp_path, tmp_path, ["sonarhw/a.py", "sonarhw/b.py"])
+    files = {
+        "sonarhw/a.py": "FACTOR = 2\n\n\n@compiled\ndef twice(x):\n    return FACTOR * x\n",
+        "sonarhw/b.py": "def four(x, y=2):\n    return y * twice(x)\n\n\ndef other():\n    return 3\n\n\nUNUSED = 4\n",
+    }
+    executed = {"sonarhw/b.py": {"": [1, 5], "a.py::slow": [2], "a.py::quick": [2, 6]}}
+    found = covering(tmp_path, files, executed, "0.50s a.py::slow\n0.01s a.py::quick\n")
     both = ["tests/a.py::quick", "tests/a.py::slow"]
-    assert covering.tests("sonarhw/b.py", 2) == both
-    assert covering.tests("sonarhw/b.py", 6) == both[:1]
-    # a default of a parameter, a kernel, and a constant of the kernel
-    assert covering.tests("sonarhw/b.py", 1) == both
-    assert covering.tests("sonarhw/a.py", 6) == both
-    assert covering.tests("sonarhw/a.py", 1) == both
-    # a constant that only the tests use
-    assert covering.tests("sonarhw/b.py", 9) == both
-    assert covering.duration("tests/a.py::slow") == 0.5
+    # a default of a parameter, a kernel, a constant of the kernel, and one that only the tests use
+    for file, line in (("b", 2), ("b", 1), ("a", 6), ("a", 1), ("b", 9)):
+        assert found.tests(f"sonarhw/{file}.py", line) == both
+    assert found.tests("sonarhw/b.py", 6) == both[:1]
+    assert found.duration("tests/a.py::slow") == 0.5
 
 
-def test_a_test_function_with_other_parameters_comes_later(tmp_path: Path) -> None:
-    (tmp_path / "sonarhw").mkdir()
-    (tmp_path / "sonarhw" / "a.py").write_text("x = f()\n")
-    tests = ["tests/a.py::b[1]", "tests/a.py::b[2]", "tests/a.py::c"]
-    data = CoverageData(str(tmp_path / "unit.coverage"))
-    for test in tests:
-        data.set_context(f"{test}|run")
-        data.add_lines({str(tmp_path / "sonarhw" / "a.py"): [1]})
-    data.write()
-    (tmp_path / "unit.log").write_text("".join(f"0.{k}0s call     {test}\n" for k, test in enumerate(tests, 4)))
-    found = Covering(tmp_path, tmp_path, ["sonarhw/a.py"]).tests("sonarhw/a.py", 1)
-    assert found == ["tests/a.py::b[1]", "tests/a.py::c", "tests/a.py::b[2]"]
-
-
-@pytest.mark.parametrize("direct", ["from sonarhw.a import x", "from sonarhw import Answer"])
-def test_tests_that_name_a_module_or_a_class_come_first(direct: str, tmp_path: Path) -> None:
-    (tmp_path / "sonarhw").mkdir()
-    (tmp_path / "sonarhw" / "a.py").write_text("class Answer:\n    YES = 1\n")
-    (tmp_path / "tests").mkdir()
-    (tmp_path / "tests" / "test_it.py").write_text(direct)
-    data = CoverageData(str(tmp_path / "unit.coverage"))
-    for test in ("tests/test_it.py::slow", "tests/test_other.py::quick"):
-        data.set_context(f"{test}|run")
-        data.add_lines({str(tmp_path / "sonarhw" / "a.py"): [2]})
-    data.write()
-    (tmp_path / "unit.log").write_text("0.2s call tests/test_it.py::slow\n0.1s call tests/test_other.py::quick\n")
-    found = Covering(tmp_path, tmp_path, ["sonarhw/a.py"]).tests("sonarhw/a.py", 2)
-    assert found == ["tests/test_it.py::slow", "tests/test_other.py::quick"]
-
-
-def test_a_test_of_a_kernel_alone_is_among_its_tests_although_no_line_is_recorded(tmp_path: Path) -> None:
-    (tmp_path / "sonarhw").mkdir()
-    (tmp_path / "sonarhw" / "a.py").write_text(
-        "@compiled\ndef twice(x):\n    return 2 * x\n\n\ndef two():\n    return 2\n"
-    )
-    (tmp_path / "tests").mkdir()
-    (tmp_path / "tests" / "test_it.py").write_text("from sonarhw.a import twice, two")
-    data = CoverageData(str(tmp_path / "unit.coverage"))
-    data.set_context("tests/test_other.py::two|run")
-    data.add_lines({str(tmp_path / "sonarhw" / "a.py"): [7]})
-    data.write()
-    (tmp_path / "unit.log").write_text("0.2s call tests/test_it.py::slow\n0.1s call tests/test_other.py::two\n")
-    covering = Covering(tmp_path, tmp_path, ["sonarhw/a.py"])
-    assert covering.tests("sonarhw/a.py", 3) == ["tests/test_it.py::slow", "tests/test_other.py::two"]
-    assert covering.tests("sonarhw/a.py", 7) == ["tests/test_other.py::two"]
-
-
-def test_a_function_with_a_cache_is_tested_by_all_that_use_it(tmp_path: Path) -> None:
-    (tmp_path / "sonarhw").mkdir()
-    (tmp_path / "sonarhw" / "a.py").write_text(
-        "@lru_cache(maxsize=4)\ndef table():\n    return 2\n\n\ndef double():\n    return 2 * table()\n"
-    )
-    data = CoverageData(str(tmp_path / "unit.coverage"))
-    for test, lines in {"tests/a.py::first": [3, 7], "tests/a.py::second": [7], "tests/a.py::other": [9]}.items():
-        data.set_context(f"{test}|run")
-        data.add_lines({str(tmp_path / "sonarhw" / "a.py"): lines})
-    data.write()
-    tests = Covering(tmp_path, tmp_path, ["sonarhw/a.py"]).tests("sonarhw/a.py", 3)
-    assert set(tests[:2]) == {"tests/a.py::first", "tests/a.py::second"}
+@pytest.mark.parametrize(
+    ("files", "executed", "log", "line", "tests"),
+    [
+        # other parameters of a test function come later
+        (
+            {"sonarhw/a.py": "x = f()\n"},
+            {"a.py::b[1]": [1], "a.py::b[2]": [1], "a.py::c": [1]},
+            "0.4s a.py::b[1]\n0.5s a.py::b[2]\n0.6s a.py::c\n",
+            1,
+            ["a.py::b[1]", "a.py::c", "a.py::b[2]"],
+        ),
+        # tests that name a module or a class come first
+        *(
+            (
+                {"sonarhw/a.py": "class Answer:\n    YES = 1\n", "tests/test_it.py": direct},
+                {"test_it.py::slow": [2], "test_other.py::quick": [2]},
+                "0.2s test_it.py::slow\n0.1s test_other.py::quick\n",
+                2,
+                ["test_it.py::slow", "test_other.py::quick"],
+            )
+            for direct in ("from sonarhw.a import x", "from sonarhw import Answer")
+        ),
+        # no line of a kernel is recorded
+        *(
+            (
+                {
+                    "sonarhw/a.py": "@compiled\ndef twice(x):\n    return 2 * x\n\n\ndef two():\n    return 2\n",
+                    "tests/test_it.py": "from sonarhw.a import twice, two",
+                },
+                {"test_other.py::two": [7]},
+                "0.2s test_it.py::slow\n0.1s test_other.py::two\n",
+                line,
+                [*of_kernel, "test_other.py::two"],
+            )
+            for line, of_kernel in ((3, ["test_it.py::slow"]), (7, []))
+        ),
+        # a function with a cache is tested by all that use it
+        (
+            {"sonarhw/a.py": "@lru_cache()\ndef table():\n    return 2\n\n\ndef double():\n    return 2 * table()\n"},
+            {"a.py::first": [3, 7], "a.py::second": [7], "a.py::other": [9]},
+            "0.1s a.py::first\n0.2s a.py::second\n0.3s a.py::other\n",
+            3,
+            ["a.py::first", "a.py::second", "a.py::other"],
+        ),
+    ],
+)
+def test_the_tests_that_may_detect_a_mutant_come_first(
+    files: dict[str, str], executed: dict[str, list[int]], log: str, line: int, tests: list[str], tmp_path: Path
+) -> None:
+    found = covering(tmp_path, files, {"sonarhw/a.py": executed}, log).tests("sonarhw/a.py", line)
+    assert found == [f"tests/{test}" for test in tests]
 
 
 @pytest.mark.parametrize(("hits", "total"), [(0, 10), (85, 100), (300, 300)])

@@ -2,10 +2,16 @@
 
 import ast
 import inspect
+import pydoc
+import sys
 from importlib import import_module
 from pathlib import Path
 
 import pytest
+from sonarhw_compare.study import check_arrow
+
+import sonarhw
+from sonarhw.errors import MissingExtra
 
 LAZY = ("sonarhw", "sonarhw_sim", "sonarhw_compare", "sonarhw_compare.fit")
 NAMES = [(package, name) for package in (*LAZY, "sonarhw_compare.study") for name in import_module(package).__all__]
@@ -22,6 +28,19 @@ def test_a_public_name_resolves_and_is_documented_and_typed(package: str, name: 
         signature = inspect.signature(found)
         assert signature.return_annotation is not signature.empty
         assert all(one.annotation is not one.empty for one in signature.parameters.values())
+
+
+def test_every_public_name_is_in_the_docstring_and_in_the_help_without_the_extra_study(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    assert sonarhw.__doc__ is not None
+    assert all(f"`{name}`" in sonarhw.__doc__ for name in sonarhw.__all__)
+    assert sonarhw.PluginScanner is sonarhw.Scanner  # deprecated
+    # pydoc gets every name; a name that raises anything but AttributeError would end it
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    assert "run_study" in pydoc.render_doc(sonarhw)
+    with pytest.raises(MissingExtra, match="pip install"):
+        check_arrow()
 
 
 @pytest.mark.parametrize("package", LAZY)

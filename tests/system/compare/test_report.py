@@ -15,7 +15,6 @@ from xml.etree import ElementTree
 
 import pytest
 from sonarhw_cli.app import run
-from sonarhw_compare import report as report_module
 from sonarhw_compare.explain import explain_reading, region_details
 from sonarhw_compare.report import Report, regions_table, report_html, report_of
 from sonarhw_compare.scans import GivenScan
@@ -133,15 +132,6 @@ def test_measured_regions_are_listed_beside_predicted_ones(report: Report, log: 
     assert ("0 in both, 0 only in the scan, 0 only predicted" in none, "<table" in none) == (True, False)
 
 
-def test_a_false_wall_is_a_region_and_a_silent_region_is_only_predicted(report: Report, log: Path) -> None:
-    readings, place = read_log(log).readings, report.comparison.prediction.room.place("figure9")
-    way = "three reflections, bottom, top, bottom"
-    row = ["260.0 to 280.0", "0.827", "260.0 to 280.0", "0.827", "0", f"in both: {way}"]
-    assert row in region_rows(of_readings(report, readings, place=place))
-    silent = [replace(one, echo_times=()) if 255 < math.degrees(one.angle) < 285 else one for one in readings]
-    assert ["", "", *row[2:4], "", f"only predicted: {way}"] in region_rows(of_readings(report, silent, place=place))
-
-
 def span(region: dict[str, float]) -> str:
     first, last = (region["bearing_deg"] + side * region["width_deg"] / 2 for side in (-1, 1))
     return f"{round(first, 1) % 360:.1f} to {round(last, 1) % 360:.1f}"
@@ -182,16 +172,6 @@ def test_names_from_files_are_escaped(report: Report, log: Path) -> None:
     assert "<script>" not in page
     assert "<b>" not in page
     assert "&lt;script&gt;alert(1)&lt;/script&gt;, place" in page
-
-
-def test_only_the_newest_of_many_readings_are_listed(
-    report: Report, log: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(report_module, "MOST_READINGS", 10)
-    short = of_readings(report, read_log(log).readings)
-    page = report_html(short)
-    assert [row.reading.number for row in short.comparison.rows] == [*range(26, 36)]
-    assert "The newest 10; 26 older ones are left out." in page
 
 
 def test_the_command_reports_the_figures_of_compare_and_overwrites_only_with_force(

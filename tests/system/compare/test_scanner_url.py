@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 import pytest
 from sonarhw_compare.scanner_url import SCHEMES
@@ -14,7 +13,6 @@ from sonarhw.device.fake_board import FakeBoard
 from sonarhw.device.served import serve
 from sonarhw.errors import DeviceError, InputError, LinkError, LinkLost
 from sonarhw.readings import sector
-from tests.fixtures.example_logs import write_example
 from tests.fixtures.plain_echoes import PlainEchoes
 
 FAKE = "fake:laboratory?place=bench&seed=1&pace=max"
@@ -66,19 +64,6 @@ def test_close_ends_the_fake_without_a_block() -> None:
         scanner.home()
 
 
-def test_a_log_is_replayed(tmp_path: Path) -> None:
-    written = write_example(tmp_path / "scan.mcap", 9)
-    with sonarhw.open_scanner(str(tmp_path / "scan.mcap")) as scanner:
-        readings = list(scanner.scan(SHORT))
-    assert [one.range for one in readings] == [pytest.approx(one.range, abs=1e-6) for one in written]
-
-
-def test_other_urls_are_opened_by_pyserial() -> None:
-    with plain_board() as url, sonarhw.open_scanner(url) as scanner:
-        assert scanner.url == url
-        assert len(list(scanner.scan(SHORT))) == 9
-
-
 @pytest.mark.parametrize(
     ("url", "error"),
     [
@@ -108,13 +93,3 @@ def test_a_scheme_can_be_added(monkeypatch: pytest.MonkeyPatch) -> None:
         assert len(list(scanner.scan(SHORT))) == 9
         assert closed == []
     assert closed == ["mine:anything"]
-
-
-def test_readings_of_a_fake_scanner_are_called_fake_with_and_without_their_log(tmp_path: Path) -> None:
-    origin = sonarhw.LogMetadata("scan", 1.0)
-    with sonarhw.open_scanner(FAKE) as scanner, sonarhw.LogWriter(tmp_path / "scan.mcap", origin) as log:
-        scanner.record(log)
-        live = list(scanner.scan(SHORT))
-    recorded = sonarhw.read_log(tmp_path / "scan.mcap").readings
-    for readings in (live, recorded[:2]):
-        assert sonarhw.compare(readings, "laboratory", "bench").summary().origin == "fake"

@@ -16,14 +16,12 @@ from sonarhw_cli.app import run
 from sonarhw_compare.study import (
     PathCache,
     load_study,
-    make_part,
     part_count,
     predict_case,
     predict_scans,
     read_study,
     read_tables,
     run_study,
-    scans_per_part,
 )
 from sonarhw_compare.study_cases import Cases, OptionValues, Study
 from sonarhw_sim.predict.prediction import predict_with
@@ -136,17 +134,6 @@ def test_shared_paths_do_not_change_results(tmp_path: Path) -> None:
         np.testing.assert_array_equal(predict_case(case, cache).ranges, alone.ranges)
 
 
-def test_draws_do_not_depend_on_the_path_of_the_room_file(tmp_path: Path) -> None:
-    (tmp_path / "elsewhere").mkdir()
-    copied = tmp_path / "elsewhere" / "copied.toml"
-    copied.write_bytes((ROOMS / "simple.toml").read_bytes())
-    here = study_of(tmp_path)
-    there = study_of(tmp_path, SPEC.replace(f"{ROOMS}/simple.toml", "elsewhere/copied.toml"))
-    assert here.text != there.text
-    parts = range(part_count(here))
-    assert [make_part(here, number) for number in parts] == [make_part(there, number) for number in parts]
-
-
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows delivers Ctrl-C through a console")
 def test_ctrl_c_while_workers_start_prints_one_line(tmp_path: Path) -> None:
     spec, out = spec_of(tmp_path, SPEC.replace("draws = 4", "draws = 400")), tmp_path / "out"
@@ -235,17 +222,6 @@ def test_the_document_shows_the_example_and_names_every_column(tmp_path: Path) -
     assert [name for name in OptionValues.model_fields if f"`{name}`" not in document] == []
 
 
-def test_rings_have_their_own_headings(tmp_path: Path) -> None:
-    ring = tmp_path / "ring.toml"
-    profile = 'name = "ring"\naperture_radius = 0.019\nfrequency = 5e4\ntransmit_cycles = 16\nblanking = 1e-3\n'
-    ring.write_text(profile + "max_range = 2.0\nthreshold_db = -40.0\n[ring]\nsensors = 4\nradius = 0.05\n")
-    run_study(study_of(tmp_path, SPEC.replace('"polaroid-6500"', '"ring.toml"')), tmp_path / "out", workers=1)
-    results = read_study(tmp_path / "out")
-    assert dict(results.sizes) == {"scan": 32, "reading": 12}
-    assert sorted(np.unique(results.n)) == [4, 12]
-    np.testing.assert_array_equal(results.heading_deg.notnull().sum("reading"), results.n)
-
-
 def test_without_pyarrow_the_error_names_the_extra(tmp_path: Path) -> None:
     program = "import sys; sys.modules['pyarrow'] = None; from sonarhw_cli.app import run; sys.exit(run(sys.argv[1:]))"
     command = [sys.executable, "-c", program, "study", str(spec_of(tmp_path))]
@@ -307,11 +283,3 @@ def test_a_cluster_writes_the_same_files_even_if_a_worker_is_killed(tmp_path: Pa
         assert (study.returncode, message) == (0, b"")
         assert workers[1].poll() is None
     assert contents(there) == contents(tmp_path / "here")
-
-
-def test_a_part_of_fine_scans_has_fewer_scans(tmp_path: Path) -> None:
-    coarse = study_of(tmp_path, SPEC.replace("draws = 4", "draws = 4000"))
-    assert scans_per_part(coarse) == 500
-    fine = study_of(tmp_path, SPEC.replace("draws = 4", "draws = 4000").replace("step = 30.0", "step = 0.01"))
-    assert scans_per_part(fine) == 1_000_000 // 36_000
-    assert part_count(fine) == -(-fine.scans // scans_per_part(fine))

@@ -2,7 +2,6 @@
 
 import re
 
-import pytest
 from cobs import cobs
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as some
@@ -14,8 +13,6 @@ from sonarhw.wire.messages import (
     Configure,
     Hello,
     Info,
-    ReadingMessage,
-    Resend,
     Settings,
     StartScan,
     TraceChunk,
@@ -83,16 +80,6 @@ def test_pieces_of_about_254_bytes_are_encoded_as_by_the_library(board: Portable
         board.send(encode_frame(Frame(StartScan.TYPE, 1000 + size, 0, StartScan(0, 1, 1, 1, 1).pack())))
         for wire in board.advance(board.now + 150_000).split(DELIMITER)[:-1]:
             assert cobs.encode(cobs.decode(wire)) == wire
-
-
-@pytest.mark.parametrize("echoes_ms", [[40], [3, 45], [32.767, 32.768], [1, 33.7675, 62.4], [61, 62]])
-def test_echoes_far_apart_are_sent_again_unchanged(board: PortableBoard, echoes_ms: list[float]) -> None:
-    board.greet_and_home()
-    board.set_echoes([round(time * 1e6) for time in echoes_ms])
-    board.ask(Configure(62_400, 500, 0, 343_200))
-    readings = [m for m in board.ask(StartScan(0, 1, 3, 1, 1), 500_000) if isinstance(m, ReadingMessage)]
-    assert [list(reading.echoes) for reading in readings] == [[round(time * 1e6) for time in echoes_ms]] * 3
-    assert [m for m in board.ask(Resend(0, 3), 100_000) if isinstance(m, ReadingMessage)] == readings
 
 
 def test_nothing_is_sent_and_no_motor_steps_while_it_listens(board: PortableBoard) -> None:

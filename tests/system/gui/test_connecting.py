@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from PySide6.QtTest import QTest
-from sonarhw_cli.window import _board_of, _Scanners
+from sonarhw_cli.window import _Scanners
 from sonarhw_compare.match import compare_readings
 from sonarhw_compare.scanner_url import read_fake_url
 from sonarhw_gui.model.edits import with_board, with_corner, with_sensor_at
@@ -362,11 +362,3 @@ def test_listening_proposes_the_url_of_a_printing_device_and_its_scan_is_shown_o
     recorded = read_log(status.job.recording)
     assert (recorded.metadata.board, len(recorded.readings), recorded.origin) == (STATED, 181, Origin.MEASURED)
     assert received_bytes(status.job.recording) in bytes(device.written)
-
-
-def test_a_preset_must_be_known_and_names_its_board(open_session: OpenSession, scanners: _Scanners) -> None:
-    session = open_session(find_scanner=scanners.find)
-    session.scanners.choose("lines:/dev/ttyUSB9?preset=radar")
-    assert "preset=radar: expected arduino-radar" in session.notices.shown.text
-    boards = {preset: _board_of(f"lines:/dev/ttyUSB9?preset={preset}") for preset in ("arduino-radar", "csv")}
-    assert boards == {"arduino-radar": STATED, "csv": None}

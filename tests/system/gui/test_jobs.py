@@ -18,15 +18,12 @@ from PySide6.QtCore import QObject
 from PySide6.QtTest import QTest
 from pytestqt.exceptions import capture_exceptions
 from sonarhw_compare.match import compare_readings
-from sonarhw_gui.jobs import forecast as forecasts
 from sonarhw_gui.jobs.forecast import (
     EFFORTS,
     FIRST_LEVEL,
     LATE,
     REST,
-    SHORT_REST,
     STRETCH,
-    Comparer,
     Effort,
     Forecast,
     compare_stretches,
@@ -37,7 +34,7 @@ from sonarhw_gui.jobs.jobs import BackgroundJob, Jobs
 from sonarhw_gui.jobs.traces import BScanSettings, Pane
 from sonarhw_gui.model.scene import Scene
 from sonarhw_gui.model.shown import Shown
-from sonarhw_gui.session.notices import Notice, NoticeButton, Notices
+from sonarhw_gui.session.notices import Notices
 from sonarhw_gui.session.session import Turns
 from sonarhw_gui.session.showing import TraceForecast
 from sonarhw_gui.window.bars import Banner
@@ -272,21 +269,6 @@ def test_a_moving_sensor_gets_drafts_and_a_resting_one_the_full_prediction_with_
     assert len(forecast.outline.paths) > len(draft.paths)
 
 
-@pytest.mark.parametrize(("between", "rest"), [(0.01, SHORT_REST), (0.04, 0.08), (0.2, REST)])
-def test_a_drag_rests_after_twice_the_time_between_its_movements(
-    forecast: Forecast, clock: Clock, scene: Scene, between: float, rest: float
-) -> None:
-    for step in range(3):
-        clock.now = between * step
-        forecast.change_scene(moved(scene, 0.01 * step), moving=True)
-    clock.now += 0.9 * rest
-    forecast.take()
-    assert forecast.dragging
-    clock.now += 0.2 * rest
-    forecast.take()
-    assert not forecast.dragging
-
-
 def test_slow_drafts_have_fewer_bounces_and_no_path_detectable_at_any_heading_is_left_out(scene: Scene) -> None:
     usual = EFFORTS[FIRST_LEVEL]
     level = next_level(FIRST_LEVEL, 0.1)
@@ -307,35 +289,6 @@ def test_slow_drafts_have_fewer_bounces_and_no_path_detectable_at_any_heading_is
     loud = {everything.paths.lengths[echo.path] for k in range(len(headings)) for echo in everything.ping(k).echoes}
     assert 0 < len(loud) < len(everything.paths)
     assert loud <= set(whole.paths.lengths)
-
-
-def test_only_a_stretch_that_grows_is_compared_again_and_a_reading_with_few_others(
-    jobs: Jobs, scene: Scene, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    together: list[int] = []
-
-    def compare(found: object, stretches: tuple[tuple[int, tuple[Reading, ...]], ...]) -> object:
-        together.append(sum(len(some) for _, some in stretches))
-        return compare_stretches(found, stretches)
-
-    monkeypatch.setattr(forecasts, "compare_stretches", compare)
-    comparer, many = Comparer(jobs, lambda: None), dense_readings(scene, 2 * STRETCH + 20)
-    comparer.use(find_paths(1, scene, scene.options))
-    for count in (*range(10, STRETCH, 10), STRETCH, STRETCH + 1):  # a running scan
-        comparer.follow(many[:count])
-        until(lambda: comparer.uncompared == 0)
-    assert together[-2:] == [STRETCH, 1]
-    assert max(together[:-2]) <= 40
-    assert [(each.first, each.end) for each in comparer.compared.stretches] == [(0, STRETCH), (STRETCH, STRETCH + 1)]
-    comparer.follow(many[:-10])
-    until(lambda: comparer.uncompared == 0)
-    before = comparer.compared.stretches
-    comparer.follow(many)
-    assert comparer.uncompared == 10
-    until(lambda: comparer.uncompared == 0)
-    after = comparer.compared.stretches
-    assert [one is other for one, other in zip(before, after, strict=True)] == [True, True, False]
-    assert (comparer.compared.end, comparer.compared.row(len(many))) == (len(many), None)
 
 
 def test_an_hour_of_comparison_takes_little_memory(scene: Scene) -> None:
@@ -449,26 +402,6 @@ def test_the_state_comes_first_then_the_newest_error_then_the_newest_warning_eac
     assert shown() == ("the disk is nearly full", 0)
     push(banner.close_button)
     assert banner.isHidden()
-
-
-def test_an_accepted_offer_is_carried_out_once_and_its_error_is_a_message(qapp: object) -> None:
-    notices, answers = Notices(), []
-    banner = Banner(notices)
-
-    def refuse(subject: object) -> None:
-        raise InputError(f"{subject} is gone")
-
-    offer = Notice(
-        "the room has changed", NoticeButton("Reload", answers.append, 1), NoticeButton("Keep", refuse, "it")
-    )
-    for _ in range(2):  # the same offer again: one message
-        notices.add(offer)
-    assert (banner.accept_button.text(), banner.decline_button.text(), notices.more) == ("Reload", "Keep", 0)
-    push(banner.accept_button)
-    assert (answers, banner.isHidden()) == ([1], True)
-    notices.add(offer)
-    push(banner.decline_button)
-    assert (answers, banner.message) == ([1], "⚠ it is gone")
 
 
 # turns, repaints and garbage

@@ -18,10 +18,9 @@ from sonarhw_gui.jobs.files import open_room
 from sonarhw_gui.model.edits import sensor_at, with_air_state, with_corner, with_options
 from sonarhw_gui.model.look import DARK, LengthUnit, Look
 from sonarhw_gui.model.rows import Column
-from sonarhw_gui.model.scene import History, Scene, SceneMemory, scene_of_log
+from sonarhw_gui.model.scene import Scene, SceneMemory, scene_of_log
 from sonarhw_gui.session.kept import (
     Memory,
-    NoteStore,
     UnsavedRooms,
     read_memory,
     read_unsaved,
@@ -160,14 +159,6 @@ def test_what_cannot_be_restored_is_reported_and_the_rest_is_shown(
     assert window.session.shown.look == Look().scaled(99.0)
 
 
-@pytest.mark.parametrize("text", ["{", "scene=3", 'scene="{}"', "scan=[]", "look/scale=large", "[look", "\udcff"])
-def test_damaged_settings_are_refused(tmp_path: Path, text: str) -> None:
-    memory = tmp_path / "window.ini"
-    memory.write_bytes(text.encode("utf-8", "surrogateescape"))
-    with pytest.raises(InputError, match=r"window\.ini"):
-        read_memory(memory).scene.scene()
-
-
 @pytest.mark.parametrize("used", [(), ("a, b.mcap",), ("ä.mcap", "@c;d.mcap")])
 def test_written_settings_are_read_back_and_an_empty_file_gives_defaults(
     tmp_path: Path, shipped: Scene, used: tuple[str, ...]
@@ -284,18 +275,6 @@ def test_a_dismissed_question_comes_again_and_discarded_changes_do_not(start: St
         assert question(session) == ""
         session.close()
     assert question(start(ROOM)) == ""
-
-
-def test_the_question_mentions_a_file_that_has_changed(start: Start, tmp_path: Path) -> None:
-    path = tmp_path / "simple.toml"
-    path.write_text(ROOM.read_text())
-    session = start(path)
-    draw(session)
-    session.close()
-    path.write_text(ROOM.read_text().replace("0.928", "0.930"))
-    asked = question(start(path))
-    assert ASKED in asked
-    assert "the file has changed since then" in asked
 
 
 def test_restoring_a_room_keeps_place_and_board_of_a_log(
@@ -566,81 +545,9 @@ def test_a_folder_that_cannot_be_written_gives_one_line_and_loses_no_note(
     assert not list(unsaved.glob("*.csv"))
 
 
-@pytest.mark.parametrize("content", [b"not,notes\n1,2\n", b"\x00\xff" * 40])
-def test_a_foreign_notes_file_is_kept_and_named_in_one_line(
-    open_session: OpenSession, log: Path, content: bytes
-) -> None:
-    notes_path(log).write_bytes(content)
-    session = with_log(open_session(), log)
-    assert "scan.notes.csv" in session.notices.shown.text
-    session.notices.dismiss()
-    session.showing.pin(4, "mine")
-    assert "the notes are lost when the window closes" in session.notices.shown.text
-    assert session.shown.notes.of(4) == "mine"
-    assert notes_path(log).read_bytes() == content
-    notes_path(log).unlink()
-    session.showing.pin(5, "second")
-    assert stored(log) == {4: "mine", 5: "second"}
-
-
-def test_notes_of_a_scan_without_a_log_are_lost_with_one_warning(recorded: Path) -> None:
-    notices, warned = Notices(), []
-    notices.changed.connect(lambda: warned.append(notices.shown.text))
-    readings, store = read_log(recorded).readings, NoteStore(None, notices)
-    notes = store.open(None, readings).with_note(2, "the post")
-    store.save(notes, readings, None)
-    assert "this scan has no log, and its notes are lost when the window closes" in warned[0]
-    store.save(notes.with_note(3, "another"), readings, None)
-    assert len(warned) == 1
-
-
 # undo
 
 
 def moved(scene: Scene, by: float) -> Scene:
     x, y = scene.place.position
     return replace(scene, place=replace(scene.place, position=(x - by, y)))
-
-
-def test_a_gesture_is_one_step_and_updates_the_views_once_a_tick(open_session: OpenSession, scene: Scene) -> None:
-    session, updates = open_session(), []
-    showing, history = session.showing, session.showing.history
-
-    def drag(start: Scene) -> Scene:
-        gesture = object()
-        for k in range(1, 5):
-            showing.edit(moved(start, 0.02 * k), "moving the sensor", gesture)
-        return session.shown.scene
-
-    until(lambda: predicted(session))
-    showing.changed.connect(updates.append)
-    between = drag(scene)
-    assert updates == []
-    session.tick()
-    assert [shown.scene for shown in updates] == [between]
-    assert between.place.position == moved(scene, 0.08).place.position
-    last = drag(between)
-    assert history.undo_label == "moving the sensor"
-    showing.undo()
-    assert session.shown.scene is between
-    showing.undo()
-    assert (session.shown.scene is scene, history.undo_label) == (True, "")
-    until(lambda: predicted(session))
-    assert session.shown.outline.place.position == scene.place.position
-    showing.redo()
-    showing.redo()
-    assert (session.shown.scene is last, history.redo_label) == (True, "")
-
-
-def test_an_edit_after_an_undo_removes_the_redo_steps_and_only_the_last_steps_are_kept(scene: Scene) -> None:
-    history = History()
-    history.remember(scene, "one thing")
-    assert history.undo(moved(scene, 0.1)) is scene
-    history.remember(scene, "another thing")
-    assert (history.undo_label, history.redo_label) == ("another thing", "")
-    for k in range(1000):
-        history.remember(scene, f"step {k}")
-    undone = 0
-    while history.undo(scene) is not None:
-        undone += 1
-    assert 100 <= undone < 1000

@@ -17,7 +17,7 @@ from PySide6.QtWidgets import QApplication, QGraphicsView, QToolButton
 from sonarhw_gui.model.look import DARK, LIGHT
 from sonarhw_gui.model.scene import Scene
 from sonarhw_gui.panels.replay import time_text
-from sonarhw_gui.session.source import SPEEDS, lost_in
+from sonarhw_gui.session.source import SPEEDS
 from sonarhw_gui.window.bars import activity_text
 from sonarhw_gui.window.window import MainWindow
 
@@ -164,31 +164,6 @@ def test_a_log_of_two_scans_is_stepped_scrubbed_played_and_left_with_mouse_and_k
     assert session.shown.readings == ()
     for action in (commands.toggle, commands.leave_replay, commands.next_scan):
         assert not action.isEnabled()
-
-
-def test_play_runs_from_the_beginning_to_the_end(open_session: OpenSession, log: Log) -> None:
-    session = open_session(log)
-    counts: list[int] = []
-    session.showing.changed.connect(lambda shown: counts.append(len(shown.readings)))
-    session.replay.toggle()
-    while session.replay.playing:
-        session.replay.advance(0.05)
-    assert counts == sorted(counts)
-    assert (counts[0] <= 1, counts[-1], len(set(counts)) > 5) == (True, ORDER.readings, True)
-    session.replay.speed = math.inf
-    session.replay.toggle()
-    session.tick()
-    assert len(session.shown.readings) == ORDER.readings
-
-
-def test_lost_readings_are_those_made_but_missing(log: Log) -> None:
-    (scan,) = log.scans
-    assert lost_in(scan) == 0
-    assert lost_in(replace(scan, readings=scan.readings[:5] + scan.readings[7:])) == 2
-    # a stopped scan has not lost the readings that it never made
-    stopped = replace(scan, readings=scan.readings[:10], finished=replace(scan.finished, readings=10))
-    assert lost_in(stopped) == 0
-    assert lost_in(replace(scan, readings=scan.readings[:10], finished=None)) == 0
 
 
 def test_a_log_opened_in_a_session_provides_its_room_and_its_doubts_are_messages(

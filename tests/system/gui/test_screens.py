@@ -4,7 +4,6 @@ from collections import Counter
 from pathlib import Path
 from types import SimpleNamespace
 
-import pyqtgraph as pg
 import pytest
 from PySide6.QtCore import QEvent, QPoint, QPointF, QRect, QSize, Qt
 from PySide6.QtGui import QColor, QMouseEvent, QTextDocument
@@ -24,7 +23,6 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 from sonarhw_gui.model.look import DARK, LIGHT, MARKS, UNITS, LengthUnit, Look
-from sonarhw_gui.views.base import Canvas, PlotAxis
 from sonarhw_gui.views.legend import Legend
 from sonarhw_gui.widgets import ElidedLabel, PlainLabel, plain_tip
 from sonarhw_gui.window.start import open_application
@@ -248,21 +246,6 @@ def test_a_low_window_has_one_line_of_legend_until_more_is_pressed(
     on_screen(window, QSize(1280, 800), monkeypatch)
     room.trigger()
     assert (lines(), legend.more.isVisible()) == (2, False)
-
-
-def test_axes_cover_the_area_that_pyqtgraph_computes(window: MainWindow) -> None:
-    for change in (
-        lambda: window.resize(1500, 900),
-        lambda: window.views.plan.drawing.zoom(1e-3),
-        lambda: window.session.showing.set_look(Look(scale=1.5)),
-        lambda: window.resize(1024, 700),
-    ):
-        change()
-        QTest.qWait(60)  # two ticks
-        items = (item for canvas in window.findChildren(Canvas) for item in canvas.scene().items())
-        axes = [axis for axis in items if isinstance(axis, PlotAxis) and axis.isVisible()]
-        assert len(axes) >= 10
-        assert [axis.boundingRect() for axis in axes] == [pg.AxisItem.boundingRect(axis) for axis in axes]
 
 
 # panels

@@ -16,24 +16,21 @@ from PySide6.QtCore import QPoint
 from PySide6.QtWidgets import QFileDialog, QGraphicsTextItem, QListWidget, QStyle, QStyleOptionViewItem
 from sonarhw_cli.app import run
 from sonarhw_compare import processes as pool
-from sonarhw_compare.fit import free_parameters
-from sonarhw_compare.locate import Pose, PoseSpread
+from sonarhw_compare.locate import PoseSpread
 from sonarhw_compare.match import Kind
 from sonarhw_compare.processes import Processes
 from sonarhw_compare.rooms import outcome
 from sonarhw_compare.rooms import search as unknown_poses
 from sonarhw_compare.two_scans import ScanChange
 from sonarhw_gui.jobs import searches
-from sonarhw_gui.jobs.searches import ACCURACIES, FindState, RoomAnswer, fitted, value_text
+from sonarhw_gui.jobs.searches import ACCURACIES, FindState, RoomAnswer, fitted
 from sonarhw_gui.model.edits import sensor_at, with_board
-from sonarhw_gui.model.look import LengthUnit
 from sonarhw_gui.model.rows import CLASSES
 from sonarhw_gui.model.scene import Scene, scene_with
 from sonarhw_gui.model.shown import SHOWN
-from sonarhw_gui.panels.searches import poses_text
 from sonarhw_gui.session.session import WindowSession
 from sonarhw_gui.window.window import MainWindow
-from sonarhw_sim.board.profile import load_board, parse_board
+from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.room import load_room
 
 from sonarhw.errors import InputError
@@ -119,32 +116,6 @@ def test_a_pose_is_found_cancelled_discarded_and_accepted_from_all_solutions(
     session.leave_replay()  # other readings
     assert not fitting.state.running
     assert (panel.begin.isEnabled(), panel.cancel.isVisible()) == (False, False)
-
-
-def test_an_impossible_fit_is_reported(open_session: OpenSession, recorded: Path) -> None:
-    log = read_log(recorded)
-    silent = tuple(replace(reading, echo_times=()) for reading in log.readings)
-    session = open_session(replace(log, scans=(replace(log.scans[0], readings=silent),)))
-    session.fitting.start(("position",), False)
-    until(lambda: "no reading of this scan has an echo" in session.notices.shown.text)
-
-
-def test_found_values_have_signs_and_are_stored_in_room_and_profile(scene: Scene) -> None:
-    free = free_parameters(("position", "heading", "offset", "temperature"), ["scan"], scene.room, scene.board)
-    small = {"heading": math.radians(-0.01), "offset": -0.00001, "temperature": -5.04, "x": -0.00001, "y": 0.5}
-    assert {one.name: value_text(one, small[one.name], LengthUnit.M) for one in free} == {
-        "x": "0.000 m",
-        "y": "0.500 m",
-        "heading": "−0.01°",
-        "offset": "+0.0 mm",
-        "temperature": "−5.0 °C",
-    }
-    found_at = {"x": 0.5, "y": 0.25, "heading": math.radians(90), "offset": 0.012, "temperature": 23.4}
-    after, _ = fitted(scene, {one: found_at[one.name] for one in free}, scene.board)
-    assert (after.place.position, after.place.heading) == ((0.5, 0.25), math.radians(90))
-    assert "temperature_c = 23.4" in after.room.text
-    assert after.room.air.temperature_c == 23.4
-    assert parse_board(after.board.text, "the profile").range_offset == after.board.range_offset == -0.012
 
 
 # causes of misfits
@@ -432,21 +403,6 @@ def test_a_rejected_wall_is_not_found_again(corner: WindowSession) -> None:
     assert (has_wall(finding.state, EAST), has_wall(finding.state, NORTH)) == (False, True)
 
 
-@pytest.mark.usefixtures("first_search_once")
-def test_possible_poses_and_scans_left_out_are_stated(corner: WindowSession) -> None:
-    state = found(corner)
-    assert poses_text(state, LengthUnit.M) == ""
-    several = tuple(
-        Pose(at, math.radians(turn), 0.0, share, (0.01,) * 3)
-        for at, turn, share in (((1.3, 0.5), 0.0, 0.64), ((0.7, 1.1), 180.0, 0.36))
-    )
-    result = replace(state.answer.result, poses={"b": several}, left_out=("c",))
-    assert poses_text(replace(state, answer=replace(state.answer, result=result)), LengthUnit.M) == (
-        "b: 64% at x 1.300 m, y 0.500 m, 0.0°; 36% at x 0.700 m, y 1.100 m, 180.0°\n"
-        "⚠ c is left out: its pose was not found."
-    )
-
-
 def test_what_cannot_be_searched_is_reported_until_it_has_changed(corner: WindowSession, folder: Path) -> None:
     def refused(message: str) -> None:
         corner.finding.start(EXACT)
@@ -610,16 +566,3 @@ def test_a_scan_is_compared_with_one_from_before_a_post_was_put_up(open_with: Op
     session.open_file(str(posts / "before.mcap"))
     until(lambda: log_name(window) == "before.mcap" and predicted(window))
     until(lambda: view.difference is not None and view.difference.changes[ScanChange.FARTHER] > 20)
-
-
-def test_two_sweeps_of_one_log_are_compared(open_session: OpenSession, posts: Path) -> None:
-    log = read_log(posts / "before.mcap")
-    twice = (*log.readings, *(replace(reading, sweep=1) for reading in log.readings))
-    session = open_session()
-    session.show_log(replace(log, scans=(replace(log.scans[0], readings=twice),)), "", posts / "before.mcap")
-    session.scans.keep_sweeps()
-    assert session.scans.pair == (0, 1)
-    assert [scan.name for scan in session.scans.scans] == ["before, sweep 1", "before, sweep 2"]
-    session.show_log(log)
-    session.scans.keep_sweeps()
-    assert "these readings have one sweep only" in session.notices.shown.text

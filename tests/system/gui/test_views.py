@@ -14,9 +14,7 @@ from weakref import ref
 import numpy as np
 import pyqtgraph as pg
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from PySide6.QtCore import QPoint, QPointF, QRectF, Qt
+from PySide6.QtCore import QPoint, QRectF, Qt
 from PySide6.QtGui import QColor, QFontMetricsF, QGuiApplication, QTextLayout
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QMenu, QWidget
@@ -26,7 +24,7 @@ from sonarhw_gui.jobs import forecast
 from sonarhw_gui.jobs.forecast import STRETCH, ComparedScan, PathsFound, Stretch
 from sonarhw_gui.jobs.traces import Pane, bscan_slice, chosen_trace
 from sonarhw_gui.model.look import DARK, LIGHT, LengthUnit, Look, Unclassed, ViewLayer
-from sonarhw_gui.model.rows import CLASSES, NO_ROWS, Column, ReadingRows, RowQuery, order_of, rows_as_csv
+from sonarhw_gui.model.rows import Column, RowQuery, order_of, rows_as_csv
 from sonarhw_gui.model.scene import NoteTexts, Scene
 from sonarhw_gui.model.shown import Cursor, Shown
 from sonarhw_gui.views.base import View
@@ -487,29 +485,6 @@ def test_residuals_are_measured_minus_predicted_and_beyond_the_scale_an_arrow(ra
         assert height - 20 < ranges.residuals.mapRectToScene(ranges.residuals.boundingRect()).bottom() <= height
 
 
-def test_both_plots_share_headings_clicks_and_the_cursor(ranges: RangeView, four: Shown) -> None:
-    picked: list[int] = []
-    ranges.gestures.picked.connect(picked.append)
-    click(ranges, ranges.residuals.vb, (80.0, 0.1))
-    until(lambda: picked == [1])  # the nearest reading
-    cursors: list[Cursor | None] = []
-    ranges.gestures.pointed.connect(cursors.append)
-    moved, boxes = ranges.scene().sigMouseMoved, (ranges.ranges.vb, ranges.residuals.vb)
-    moved.emit(boxes[0].mapViewToScene(QPointF(180.0, 0.7)))
-    assert (cursors[-1].heading, cursors[-1].range) == pytest.approx((math.pi, 0.7))
-    moved.emit(boxes[1].mapViewToScene(QPointF(170.0, 0.0)))
-    assert cursors[-1].range == pytest.approx(0.9)  # of the reading at 180°
-    moved.emit(QPointF(2.0, 2.0))
-    assert cursors[-1] is None
-    ranges.show_state(replace(four, cursor=Cursor(-math.pi / 2, 0.6)))
-    assert [line.value() for line in ranges._pointer] == pytest.approx([270, 270, 0.6])
-    assert all(line.isVisible() for line in ranges._pointer)
-    ranges.show_state(four)
-    assert not any(line.isVisible() for line in ranges._pointer)
-    ranges.ranges.setXRange(100, 200, padding=0)
-    assert boxes[1].viewRange()[0] == pytest.approx([100, 200])
-
-
 # the table
 
 COUNT = ORDER.readings
@@ -549,52 +524,6 @@ def click_header(table: TableView, column: Column) -> None:
 
 def clipboard_rows() -> list[dict[str, str]]:
     return list(csv.DictReader(io.StringIO(QGuiApplication.clipboard().text())))
-
-
-def test_rows_have_measured_range_residual_class_and_path_also_of_a_growing_or_shrinking_scan(shown: Shown) -> None:
-    rows = shown.rows
-    for index, row in enumerate(shown.compared.stretches[0].comparison.rows):
-        assert rows.measured[index] == pytest.approx(math.nan if row.measured is None else row.measured, nan_ok=True)
-        assert rows.residuals[index] == pytest.approx(math.nan if row.residual is None else row.residual, nan_ok=True)
-        assert CLASSES[rows.classes[index]] is row.kind
-    assert rows.path(27) == "bottom>top>bottom"
-    assert CLASSES[rows.classes[3]] is Kind.MISSED
-    assert rows.path(3) != ""  # the predicted path
-    rows = NO_ROWS
-    for count in (3, 20, 36, 5, 0, 36):
-        part = replace(shown, readings=shown.readings[:count])
-        rows, afresh = replace(part, earlier=rows).rows, part.rows
-        assert rows.readings == afresh.readings
-        for name in ("headings", "measured", "predicted", "classes", "paths"):
-            assert getattr(rows, name).tolist() == pytest.approx(getattr(afresh, name).tolist(), nan_ok=True), name
-    whole = shown.rows
-    back = replace(shown, readings=shown.readings[:4], earlier=whole)
-    assert back.known_rows is whole  # a replay that steps back keeps its rows, another scan does not
-    another = tuple(replace(reading) for reading in shown.readings[:4])
-    assert replace(back, readings=another).known_rows.readings is another
-    assert replace(back, readings=()).known_rows.readings == ()
-
-
-values = st.one_of(st.just(math.nan), st.floats(-5, 5))
-
-
-@given(
-    st.lists(st.tuples(values, st.integers(0, len(CLASSES) - 1)), max_size=30),
-    st.booleans(),
-    st.sampled_from((Column.MEASURED, Column.CLASS, Column.HEADING, Column.NUMBER)),
-)
-def test_sorting_agrees_with_python_and_puts_empty_cells_last(
-    cells: list[tuple[float, int]], descending: bool, column: Column
-) -> None:
-    count, lengths, zeros = len(cells), np.array([length for length, _ in cells]), np.zeros(len(cells))
-    kinds = np.array([kind for _, kind in cells], np.int64)
-    rows = ReadingRows((None,) * count, zeros, np.nan_to_num(lengths), lengths, zeros, kinds, kinds * 0 - 1, ())
-    columns = {Column.MEASURED: rows.measured, Column.CLASS: rows.classes, Column.HEADING: rows.headings}
-    key = [float(value) for value in columns.get(column, range(count))]
-    valued = [k for k in range(count) if not math.isnan(key[k])]
-    expected = sorted(valued, key=lambda k: -key[k] if descending else key[k])
-    empty = [k for k in range(count) if math.isnan(key[k])]
-    assert order_of(rows, RowQuery(column, descending)).tolist() == expected + empty
 
 
 def test_the_table_is_sorted_and_filtered_by_numbers_words_and_classes(table: TableView, shown: Shown) -> None:
@@ -684,22 +613,6 @@ def test_only_paths_and_sentences_are_cut_off_without_horizontal_scrolling(
         assert header.fontMetrics().horizontalAdvance(name) + 14 * (column is Column.RESIDUAL) <= room
         mark = 20 if column is Column.CLASS else 0
         assert max(map(view.fontMetrics().horizontalAdvance, listed(table, column))) + mark <= room
-
-
-def test_sentences_are_computed_only_for_visible_rows(
-    qtbot: QtBot, shown: Shown, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    computed: set[int] = set()
-    explain = Shown.sentence_of
-    monkeypatch.setattr(Shown, "sentence_of", lambda shown, index: computed.add(index) or explain(shown, index))
-    table, many = TableView(), shown.readings * (LONG // COUNT)
-    qtbot.addWidget(table)
-    table.resize(1400, 300)
-    table.show_state(replace(shown, readings=many, chosen=len(many) - 1))
-    with qtbot.waitExposed(table, timeout=PATIENCE):
-        table.show()
-    table.view.viewport().repaint()
-    assert 0 < len(computed) < 100
 
 
 # the sentence

@@ -12,7 +12,6 @@ from sonarhw.device.fake_board import FakeBoard
 from sonarhw.device.served import Clock, Pace, TcpServerPort, open_server_port, serve
 from sonarhw.errors import InputError, LinkBusy, LinkError
 from sonarhw.host.scanner import Scanner
-from sonarhw.link import Link
 from sonarhw.readings import Ping, PingResult, pings_in_place
 from sonarhw.wire.messages import Outcome
 from tests.fixtures.plain_echoes import PlainEchoes
@@ -47,20 +46,6 @@ class EndlessSender:
     def hang_up(self) -> None:
         """Record the disconnect."""
         self.hung_up.set()
-
-
-class SlowSender(EndlessSender):
-    """A device that always has bytes to send, but fewer than the line carries."""
-
-    received = b""
-
-    def receive(self, data: bytes, now: float) -> None:
-        """Keep the data."""
-        self.received += data
-
-    def advance(self, now: float) -> bytes:
-        """Return four bytes."""
-        return b"word"
 
 
 class Failing(EndlessSender):
@@ -116,14 +101,6 @@ def test_a_second_client_over_tcp_is_told_that_the_scanner_is_busy() -> None:
             assert next_one.home() is Outcome.DONE
 
 
-def test_a_link_with_a_changed_target_is_not_removed(tmp_path: Path) -> None:
-    link = tmp_path / "scanner"
-    with serve(FakeBoard(PlainEchoes()), pty=link):
-        link.unlink()
-        link.symlink_to(tmp_path / "other")
-    assert link.is_symlink()
-
-
 def test_tcp_listens_on_the_loopback_only() -> None:
     with serve(FakeBoard(PlainEchoes()), tcp=":0") as endpoint:
         assert endpoint.url.startswith("socket://127.0.0.1:")
@@ -160,15 +137,6 @@ def test_a_client_that_does_not_read_blocks_the_device(line: str, tmp_path: Path
         if client:
             client.close()
             assert device.hung_up.wait(timeout=HANG)
-
-
-def test_a_device_that_always_sends_still_receives() -> None:
-    device, count = SlowSender(), 0
-    with serve(device, tcp="127.0.0.1:0") as endpoint, Link(endpoint.url) as link:
-        link.write(b"stop")
-        while not device.received and count < 1_000_000:
-            count += len(link.read())
-    assert device.received == b"stop"
 
 
 def test_an_exception_in_the_device_reaches_the_caller_and_disconnects_the_client() -> None:

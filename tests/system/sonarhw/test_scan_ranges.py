@@ -49,8 +49,3 @@ def test_a_scan_uses_the_thermometer_or_20_degrees(
 ) -> None:
     (reading,) = scanned(PlainEchoes(thermometer), ONE, **settings)
     assert reading.range == pytest.approx(speed_of_sound(assumed) * echo_time(0.0) / 2, rel=1e-5)
-
-
-def test_a_speed_of_sound_given_by_the_caller_overrides_the_thermometer() -> None:
-    (reading,) = scanned(PlainEchoes(5.0), ONE, speed_of_sound=340.0)
-    assert reading.range == pytest.approx(340.0 * echo_time(0.0) / 2, rel=1e-5)

@@ -11,25 +11,20 @@ from sonarhw_compare.calibration.outcome import CalibratedValue, Calibration
 from sonarhw_compare.calibration.plate import calibrate_with_plates, find_blanking
 from sonarhw_compare.calibration.plate_readings import plate_levels, plate_readings
 from sonarhw_compare.calibration.room import (
-    RoomCalibration,
-    choose_detection,
     find_own_body,
-    gained_by_reflection,
-    is_contradicted,
     spreads,
-    with_reflectances,
 )
 from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.predict.room_echoes import EXACT, RoomEchoes
-from sonarhw_sim.room.room import Place, load_room, parse_room
+from sonarhw_sim.room.room import Place, load_room
 
-from sonarhw.errors import InputError, NoPlate
+from sonarhw.errors import NoPlate
 from sonarhw.readings import Ping
 from tests.fixtures.plate_scans import CONSTANTS, hidden_board, plates, scanned_plate, start_board
-from tests.fixtures.predicted_readings import predicted_scan, readings_of
+from tests.fixtures.predicted_readings import readings_of
 
 ROOM, NXT = load_room("arena"), load_board("lego-nxt")
 SPEED, AIR_SPEED = ROOM.air.speed_of_sound, Air().speed_of_sound
@@ -37,18 +32,6 @@ PLACES = [Place("", at) for at in ((0.84, 0.30), (1.80, 0.54), (1.38, 1.68), (1.
 
 
 # Threshold, aperture and their spreads.
-
-
-@pytest.mark.parametrize(("louder", "wider"), [(4.0, 1.0), (-2.0, 1.1**2)])
-def test_the_rule_finds_the_pair_with_which_scans_were_predicted(louder: float, wider: float) -> None:
-    true = replace(NXT, threshold_db=NXT.threshold_db + louder, aperture_radius=NXT.aperture_radius * wider)
-    scans = [predicted_scan(ROOM, place, true, 4.0) for place in PLACES[:3]]
-    threshold, aperture = choose_detection(scans, ROOM, NXT, PLACES[:3], 3.0)
-    assert threshold is not None
-    value, low, high = threshold
-    assert value == pytest.approx(true.threshold_db, abs=1.1)
-    assert aperture[0] == pytest.approx(true.aperture_radius, rel=0.11)
-    assert low <= true.threshold_db <= high
 
 
 def test_spreads_are_those_of_the_readings() -> None:
@@ -67,50 +50,8 @@ def test_spreads_are_those_of_the_readings() -> None:
 # Reflectances.
 
 
-# 3 m of board, 1 m of cloth
-TWO = """
-name = "two"
-[materials.board]
-reflectance = 0.9
-[materials.cloth]
-reflectance = 0.5
-[[walls]]
-name = "long"
-points = [[0.0, 0.0], [3.0, 0.0]]
-material = "board"
-[[walls]]
-name = "short"
-points = [[3.0, 1.0], [3.0, 2.0]]
-material = "cloth"
-[places.a]
-position = [1.0, 1.0]
-"""
-
-
 def found(material: str, value: float, before: float) -> CalibratedValue:
     return CalibratedValue(material, value, value - 0.1, value + 0.1, before, "")
-
-
-def test_the_room_and_its_text_have_the_reflectances_found() -> None:
-    room = parse_room(TWO, "two")
-    values = [found("board", 0.72, 0.9), found("cloth", 0.6, 0.5)]
-    other = with_reflectances(room, values)
-    assert other.reflectances.tolist() == pytest.approx([0.72, 0.6])
-    assert parse_room(other.text, "again").reflectances.tolist() == other.reflectances.tolist()
-    # one reflection is louder by the mean along the walls
-    louder = (3 * 20 * math.log10(0.72 / 0.9) + 20 * math.log10(0.6 / 0.5)) / 4
-    assert gained_by_reflection(room, other) == pytest.approx(louder)
-    scans = [PlacedScan([], room.place("a"), file=name) for name in ("a.mcap", "b\n.mcap")]
-    result = RoomCalibration(NXT, NXT, scans=scans, given=room, room=other, reflectances=(values[0],))
-    head, _, rest = result.room_with_header("mine").text.partition("\n\n")
-    assert "board profile 'mine'" in head
-    assert "#   reflectance of 'board': 0.72, 95 % 0.62 to 0.82; before: 0.9" in head
-    assert all(line.startswith("#") for line in head.splitlines())
-    assert rest == other.text.removeprefix("\n")
-    # a room file is contradicted outside the interval
-    assert [is_contradicted(found("board", value, 0.9)) for value in (0.79, 0.81, 0.99)] == [True, False, False]
-    with pytest.raises(InputError, match="'Arena': no material has a reflectance that scans can change"):
-        with_reflectances(ROOM, [])
 
 
 # The carrier's own body, among the echoes that the room does not explain.
@@ -193,19 +134,6 @@ def test_a_ring_down_that_differs_from_the_swelling_is_found() -> None:
     assert found["ring_cycles"].before == start_board().rise_cycles
     assert found["own_burst_db"].value == pytest.approx(CONSTANTS["own_burst_db"], abs=TOLERANCES["own_burst_db"])
     assert found["aperture_radius"].value == pytest.approx(CONSTANTS["aperture_radius"], rel=0.02)
-
-
-def test_without_traces_hearing_gives_aperture_gain_and_an_interval_that_contains_the_threshold() -> None:
-    """A plate that ends between two headings tells no more with three pings at each than with one."""
-    hidden = {"aperture_radius": 0.02218, "gain_step_db": 3.327, "threshold_db": -38.463, "rise_cycles": 1.5}
-    scans = plates(hidden_board(**hidden), seed=4, tilt_deg=-0.88, traces=False, step_deg=1.5)
-    found = calibrate_with_plates(start_board(), scans)
-    assert found.kept["rise_cycles"] == found.kept["own_burst_db"] == "the logs contain no traces"
-    assert {one.key for one in found.findings} >= {"aperture_radius", "gain_step_db"}
-    for one in found.findings:
-        true = (CONSTANTS | hidden)[one.key]
-        assert one.low <= true <= one.high, one.key
-        assert one.value == pytest.approx(true, abs=TOLERANCES[one.key]), one.key
 
 
 def test_one_plate_shows_no_gain_and_no_blanking() -> None:

@@ -18,7 +18,6 @@ from sonarhw_compare.explain import (
     remedy,
     remedy_text,
     runner_up,
-    summary_lines,
 )
 from sonarhw_compare.fit.free_walls import left_normals, with_shifted_walls
 from sonarhw_compare.match import TOLERANCE, compare_readings
@@ -60,34 +59,6 @@ def sentences(ranges: FloatArray, receiver: Receiver = Receiver.FIRST_ECHO) -> l
 
 def agrees(one: float, other: float) -> bool:
     return math.isnan(one) == math.isnan(other) and not abs(one - other) > TOLERANCE
-
-
-def test_a_higher_or_lower_threshold_gives_the_stated_range() -> None:
-    seen = [0, 0]
-    for index, sentence in enumerate(sentences(ranges_at(0.0))):
-        if stated := re.search(
-            r"it is only ([\d.]+) dB over the threshold; a higher threshold gives (silence|[\d.]+)", sentence
-        ):
-            range_ = math.nan if stated[2] == "silence" else float(stated[2])
-            assert range_at(float(stated[1]) + 0.051, index) == pytest.approx(range_, abs=6e-4, nan_ok=True)
-            seen[0] += float(stated[1]) <= 1.0
-        if stated := re.search(r"an echo at ([\d.]+) m is only ([\d.]+) dB below the threshold", sentence):
-            assert range_at(-float(stated[2]) - 0.051, index) == pytest.approx(float(stated[1]), abs=6e-4)
-            seen[1] += float(stated[2]) <= 1.0
-    assert min(seen) > 1
-
-
-@pytest.mark.parametrize("change", [-2.0, 2.0])
-def test_the_stated_threshold_makes_the_model_agree(change: float) -> None:
-    other, seen = ranges_at(change), 0
-    for index, sentence in enumerate(sentences(other)):
-        if stated := re.search(r"a threshold ([\d.]+) dB (higher|lower) would make the model agree", sentence):
-            by = float(stated[1]) * (1 if stated[2] == "higher" else -1)
-            assert by * change > 0
-            # stated to a tenth
-            assert any(agrees(range_at(by + more, index), other[index]) for more in (-0.051, 0.0, 0.051))
-            seen += 1
-    assert seen > 1
 
 
 def test_details_are_json_whose_margins_are_those_of_other_boards_and_rooms() -> None:
@@ -284,14 +255,6 @@ def test_each_change_of_the_threshold_makes_its_echo_win(degrees: float) -> None
         assert after.ranges[0] <= echo.range + 1e-6
         helped += bool(abs(after.ranges[0] - echo.range) < 1e-6)
     assert helped > 0
-
-
-@pytest.mark.parametrize("just_below", [-1e-17, math.tau, math.radians(-0.04), math.radians(359.96)])
-def test_a_heading_just_below_zero_is_0_degrees_everywhere(just_below: float) -> None:
-    assert (heading_text(just_below), heading_text(just_below, 0), in_degrees(just_below, 1)) == ("0.0°", "0°", 0.0)
-    comparison = compare_readings(readings_of([0.0], [0.17]), SIMPLE, replace(FIGURE_9, heading=just_below), PAPER)
-    assert " at 0.0°: " in explain_reading(comparison, 0)
-    assert "turntable step 0 at 0.0°" in summary_lines(comparison.summary())[-1]
 
 
 def test_headings_and_estimates_in_text() -> None:

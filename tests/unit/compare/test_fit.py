@@ -1,12 +1,9 @@
 """Fits: words, priors and setting; searches of distributions with known moments; shifted walls; the plain fit."""
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
-from types import SimpleNamespace
-from typing import cast
 
 import numpy as np
 import pytest
@@ -16,7 +13,6 @@ from sonarhw_compare.fit.fitting import (
     fit_setting,
     fitted_room,
     is_unconstrained,
-    shown_mismatches,
     warnings_of,
     with_listed_findings,
 )
@@ -24,7 +20,6 @@ from sonarhw_compare.fit.free_walls import with_shifted_walls
 from sonarhw_compare.fit.objective import LEVELS, PROBABILITIES, Objective, tolerance_prior
 from sonarhw_compare.fit.parameters import Parameter, tolerated_parameters, with_priors
 from sonarhw_compare.fit.quantities import (
-    OFFSET,
     SCALE,
     WALL,
     WORDS,
@@ -32,10 +27,9 @@ from sonarhw_compare.fit.quantities import (
     X,
     words_of,
 )
-from sonarhw_compare.fit.search import Mixture, averaged, samples_of
+from sonarhw_compare.fit.search import averaged
 from sonarhw_compare.fit.starting import fit_scan
 from sonarhw_compare.scans import GivenScan
-from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import Mount, load_board
 from sonarhw_sim.room.room import Place, ReflectanceTable, Room, load_room, parse_room
 
@@ -52,31 +46,6 @@ FIGURE_9 = SIMPLE.places["figure9"]
 
 
 # Words, bounds and priors.
-
-
-@pytest.mark.parametrize(
-    ("word", "bounds"),
-    [
-        ("x", (-1.0, 2.0)),
-        ("y", (0.0, 4.0)),
-        ("heading", (-math.inf, math.inf)),
-        ("temperature", (-10.0, 45.0)),
-        ("speed", (Air(-10.0).speed_of_sound, Air(45.0).speed_of_sound)),
-        ("threshold", (BOARD.threshold_db - 20.0, min(0.0, BOARD.threshold_db + 20.0))),
-        ("aperture", (BOARD.aperture_radius / 2.5, BOARD.aperture_radius * 2.5)),
-        ("ahead", (0.05 - 0.06, 0.05 + 0.06)),
-        ("aside", (-0.01 - 0.06, -0.01 + 0.06)),
-        ("offset", (-0.06, 0.06)),
-        ("reflectance:m0", (0.2, 1.0)),
-        ("wall:w1", (-0.1, 0.1)),
-    ],
-)
-def test_bounds_are_those_of_the_room_and_the_board(word: str, bounds: tuple[float, float]) -> None:
-    (found,) = free_parameters([word], [""], ROOM, BOARD)
-    assert (found.lower, found.upper) == pytest.approx(bounds)
-    # no threshold is over the echo of a perfect wall
-    (loud,) = free_parameters(["threshold"], [""], ROOM, replace(BOARD, threshold_db=-12.0))
-    assert (loud.lower, loud.upper) == (-32.0, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -145,11 +114,6 @@ def test_a_prior_is_a_range_or_a_normal_distribution(text: str, prior: tuple[flo
         assert value == (expected if expected is None else pytest.approx(expected))
 
 
-def test_a_prior_of_a_quantity_is_for_all_scans_and_one_of_a_parameter_for_its_scan() -> None:
-    one = with_prior("x=0.1..0.5", "x@B=0.2..0.3", scans=("A", "B"))
-    assert (one["x@A"].upper, one["x@B"].upper, one["temperature"].upper) == (0.5, 0.3, 45.0)
-
-
 # The setting of a fit, and what is reported of it.
 
 
@@ -199,46 +163,6 @@ def test_solutions_that_print_alike_are_one_and_a_table_has_two_digits_of_each_d
 # Searches and samples of distributions that are known.
 
 
-COVARIANCE = np.array([[4.0, 1.2, 0.0], [1.2, 1.0, -0.1], [0.0, -0.1, 0.25]])
-TOP = np.array([3.0, -2.0, 7.0])
-
-
-class Normal:
-    """A normal log-density around `top`, zero beyond its bounds, with what a search needs of a problem."""
-
-    def __init__(self, covariance: FloatArray = COVARIANCE, top: FloatArray = TOP, lower: float = -1e3) -> None:
-        size = len(top)
-        self.top, self.precision = top, np.linalg.inv(covariance)
-        bounds = np.full(size, -1e3), np.full(size, 1e3)
-        bounds[0][0] = lower
-        names = [*"abcdefghijklmnopqrstuvwxyz"[:size]]
-        parameters = [Parameter(OFFSET, one, None, *ends) for one, *ends in zip(names, *bounds, strict=True)]
-        self.problem = SimpleNamespace(
-            bounds=bounds, steps=np.full(size, 0.5), parameters=parameters, near=lambda _: self
-        )
-
-    def __call__(self, values: FloatArray) -> float:
-        lower, upper = self.problem.bounds
-        away = values - self.top
-        inside = ((values >= lower) & (values <= upper)).all()
-        return float(5.0 - away @ self.precision @ away / 2) if inside else -np.inf
-
-    def many(self, values: FloatArray) -> FloatArray:
-        return np.array([self(one) for one in values])
-
-    smooth = many
-
-    @property
-    def objective(self) -> Objective:
-        return cast(Objective, self)
-
-
-def drawn(target: Normal, draws: int = 20_000, shares: Callable[[float], None] = lambda _: None) -> FloatArray:
-    size = len(target.top)
-    start = Mixture(np.ones(1), np.zeros((1, size)), np.eye(size)[None])
-    return samples_of(target.objective, start, draws, 1, shares)
-
-
 # x, two walls with a tolerance of 5 mm, and the turntable's scale with one of 1 %
 TOLERATED = (
     Parameter(X),
@@ -284,19 +208,6 @@ def test_the_average_over_deviations_has_the_moments_of_a_direct_calculation() -
     assert np.diag(found.covariance) == pytest.approx(np.diag(spread), rel=1e-3)
 
 
-def test_a_mismatch_names_what_explains_most_and_what_the_scan_cannot_distinguish_from_it() -> None:
-    tolerated = TOLERATED[1:]
-    # both walls share a shift of 10 mm of which only the sum is known; the scale is right
-    covariance = np.array([[25.0, -24.9, 0.0], [-24.9, 25.0, 0.0], [0.0, 0.0, 1.0]]) * 1e-6
-    (shown,) = shown_mismatches(tolerated, np.array([0.005, 0.005, 0.001]), covariance)
-    assert {shown.parameter.name, *shown.alternatives} == {"wall:west", "wall:east"}
-    assert shown.shift == pytest.approx(0.01, rel=0.01)
-    assert "10.0 ± " in str(shown)
-    assert shown_mismatches(tolerated, np.array([0.001, 0.001, 0.001]), covariance * 100) == ()
-    (scale,) = shown_mismatches(tolerated, np.array([0.0, 0.0, 0.009]), covariance)
-    assert "scale 1.00900 ± 0.00100, while the board profile has 1.00000" in str(scale)
-
-
 # Results do not depend on the rounding of a processor.
 
 
@@ -340,46 +251,6 @@ def test_values_without_effect_have_their_prior_whatever_the_rounding(
 
 
 # Walls that are moved, against the corners of rectangles and triangles, and finite differences.
-
-
-def closed_room(corners: dict[str, tuple[float, float]]) -> Room:
-    """Return a closed room, counter-clockwise, with a wall from each corner to the next."""
-    points = list(corners.values())
-    walls = "".join(
-        f'[[walls]]\nname = "{name}"\npoints = [{list(begin)}, {list(end)}]\nmaterial = "m"\n'
-        for name, begin, end in zip(corners, points, points[1:] + points[:1], strict=True)
-    )
-    return parse_room(f'name = "room"\n[materials.m]\nreflectance = 0.9\n{walls}', "room")
-
-
-CUT = 2 - 0.1 * math.sqrt(2)  # the hypotenuse x + y = 2 of a right triangle, 0.1 m inwards
-
-
-@pytest.mark.parametrize(
-    ("corners", "shifts", "expected"),
-    [
-        (
-            {"bottom": (0.0, 0.0), "right": (3.0, 0.0), "top": (3.0, 2.0), "left": (0.0, 2.0)},
-            {"bottom[0]": 0.1, "right[0]": 0.25},
-            [[0, 0.1, 2.75, 0.1], [2.75, 0.1, 2.75, 2], [2.75, 2, 0, 2], [0, 2, 0, 0.1]],
-        ),
-        (
-            {"bottom": (0.0, 0.0), "slope": (2.0, 0.0), "left": (0.0, 2.0)},
-            {"slope[0]": 0.1},
-            [[0, 0, CUT, 0], [CUT, 0, 0, CUT], [0, CUT, 0, 0]],
-        ),
-        (
-            {"one": (0.0, 0.0), "two": (1.0, 0.0), "right": (3.0, 0.0), "top": (3.0, 2.0), "left": (0.0, 2.0)},
-            {"one[0]": 0.1, "two[0]": 0.1},
-            [[0, 0.1, 1, 0.1], [1, 0.1, 3, 0.1], [3, 0.1, 3, 2], [3, 2, 0, 2], [0, 2, 0, 0.1]],
-        ),
-    ],
-    ids=["rectangle", "triangle", "two parts of one wall"],
-)
-def test_moved_walls_stay_closed(
-    corners: dict[str, tuple[float, float]], shifts: dict[str, float], expected: list[list[float]]
-) -> None:
-    assert with_shifted_walls(closed_room(corners), shifts).walls == pytest.approx(np.array(expected))
 
 
 @pytest.mark.parametrize("by", [0.01, -0.01])

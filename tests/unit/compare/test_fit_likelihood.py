@@ -16,7 +16,6 @@ from sonarhw_compare.fit.likelihood import (
     lateness_by_level,
     level_offset_db,
     log_likelihoods,
-    with_summed_patches,
 )
 from sonarhw_compare.fit.objective import Objective, make_problem
 from sonarhw_sim.air import Receiver
@@ -24,13 +23,11 @@ from sonarhw_sim.board.beam import beam_table
 from sonarhw_sim.board.profile import Board, Mount, load_board
 from sonarhw_sim.board.receiver import detect_echoes
 from sonarhw_sim.board.signal import RATE, Arrivals, received
-from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, search_for, weigh_paths
+from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.room.room import Place, load_room
-from sonarhw_sim.space.sections import paths_from
 
 from sonarhw.readings import FloatArray
 from tests.fixtures.predicted_readings import predicted_scan, readings_of
-from tests.fixtures.rooms_for_tests import room_of
 
 ARENA, LABORATORY, DOORSTEP = (load_room(name) for name in ("arena", "laboratory", "doorstep"))
 BOARD = replace(load_board("polaroid-6500"), receiver=Receiver.FIRST_ECHO)
@@ -132,52 +129,6 @@ def test_silence_of_two_paths_together_has_the_probability_that_random_phases_gi
     noise = ReadingNoise(0.001, spread, 0.0, 1e-9, 1e-9)
     found = log_likelihoods(silent, paths, (0.0, 0.0), board, noise, beam_table(17.0), np.empty(0))
     assert math.exp(found[0]) == pytest.approx(together.mean() * alone.mean(), abs=0.06)
-
-
-CIRCLE = np.arange(36) * math.tau / 36
-
-
-def test_silence_is_likely_exactly_where_the_model_predicts_it() -> None:
-    near = replace(BOARD, max_range=1.25)
-    is_silent = np.isnan(predict_scan(ARENA, HERE, near, CIRCLE).ranges)
-    silences = by_reading(objective_of(np.full(36, math.nan), CIRCLE, near))
-    assert 5 < is_silent.sum() < 31
-    assert np.median(silences[is_silent]) > np.median(silences[~is_silent]) + 2
-
-
-@pytest.mark.parametrize("mount", [Mount(ahead=0.08, aside=0.05), Mount(ahead=0.05, aside=-0.06, separation=0.06)])
-def test_echoes_of_a_head_off_the_axis_are_most_likely_with_its_own_mount(mount: Mount) -> None:
-    ranges = predict_scan(ARENA, HERE, replace(BOARD, mount=mount), CIRCLE).ranges
-    others = [mount.model_copy(update=change) for change in ({}, {"aside": -mount.aside}, {"ahead": 0.0})]
-    boards = [replace(BOARD, mount=one) for one in others]
-    true, *wrong = (np.median(by_reading(objective_of(ranges, CIRCLE, one))[~np.isnan(ranges)]) for one in boards)
-    # an exact range has the density 1 / (4 mm √2π), a wrong one that of strays
-    assert true == pytest.approx(math.log(1 / (0.004 * math.sqrt(math.tau))), abs=0.5)
-    assert max(wrong) < true - 2
-
-
-def test_late_detection_by_the_receiver_is_part_of_the_expected_range() -> None:
-    board = replace(BOARD, integration_cycles=64.0)  # detects faint echoes several centimetres late
-    ranges = predict_scan(ARENA, HERE, board, CIRCLE, PredictionOptions(receiver=Receiver.BOARD)).ranges
-    paper, own = (
-        np.median(by_reading(objective_of(ranges, CIRCLE, board, one))[~np.isnan(ranges)])
-        for one in (Receiver.FIRST_ECHO, Receiver.BOARD)
-    )
-    assert own > paper + 2
-
-
-def test_a_patch_in_a_likelihood_is_as_loud_as_all_that_are_received_with_it() -> None:
-    room = room_of([(-200.0, 1.0, 200.0, 1.0)])
-    room, here = replace(room, scattered=np.array([0.5])), Place("here", (0.0, 0.0))
-    every = paths_from(room, here, search_for(room, BOARD, PredictionOptions(diffraction=False)))
-    few = with_summed_patches(every, room, BOARD)
-    assert len(every) > 3 * len(few)
-    assert not few.scattered.any()
-    for row in np.flatnonzero((few.lengths > 2.1) & (few.lengths < 4))[::9].tolist():
-        scan = weigh_paths(room, here, BOARD, few.departures[row : row + 1], every)
-        same = int(np.abs(scan.paths.lengths - few.lengths[row]).argmin())
-        assert scan.paths.scattered[scan.ping(0).loudest[same]]
-        assert 20 * math.log10(few.gains[row]) == pytest.approx(scan.ping(0).levels[same], abs=0.1)
 
 
 # Late detection of faint echoes and stepped gain, as whole pings through the board's own receiver have them.

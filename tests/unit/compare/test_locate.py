@@ -7,13 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from sonarhw_cli.options import with_options
-from sonarhw_compare.drawings import draw_located
 from sonarhw_compare.fit.starting import Scores
 from sonarhw_compare.locate import HEADER, UNKNOWN, Located, Pose, PoseSpread, known_heading, locate_scan, read_poses
 from sonarhw_compare.track import NearestLikelihood, Tracker, log_likelihood
 from sonarhw_sim.air import Model
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.room.room import Place, load_room, parse_room
+from sonarhw_sim.room.room import Place, load_room
 
 import sonarhw
 from sonarhw import InputError
@@ -72,16 +71,6 @@ def test_figures_of_a_pose_have_no_unknown_deviation_and_no_negative_zero() -> N
         assert "-0.0," not in json.dumps(figures)
 
 
-def test_a_room_without_any_echo_is_refused() -> None:
-    room = parse_room(
-        'name = "box"\n[materials.hard]\nreflectance = 0.0\n[[walls]]\nname = "box"\nclosed = true\n'
-        'material = "hard"\npoints = [[0.0, 0.0], [0.2, 0.0], [0.2, 0.2], [0.0, 0.2]]\n',
-        "box",
-    )
-    with pytest.raises(InputError, match="no position in this room"):
-        locate_scan(readings_of(np.arange(12) * math.pi / 6, np.full(12, 0.5)), room, load_board("polaroid-6500"))
-
-
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_scan_with_clockwise_angles_is_found_and_a_right_one_is_not_doubted(sign: float) -> None:
     place, angles = ROOM.place("p3"), np.radians(np.arange(0.0, 360.0, 12.0))
@@ -95,17 +84,6 @@ def test_a_scan_with_clockwise_angles_is_found_and_a_right_one_is_not_doubted(si
     assert math.dist(poses.mirrored.position, place.position) < 0.02
     assert not poses.fits_room
     assert "the angles are probably clockwise" in poses.doubts[0]
-
-
-def test_the_picture_shows_each_echo_at_its_range_from_the_best_pose() -> None:
-    readings = tuple(readings_of(np.arange(4) * math.pi / 2, [0.5, math.nan, 0.75, 1.0]))
-    pose = Pose((0.4, 0.3), 0.2, 0.01, 1.0, (0.01, 0.01, 0.01))
-    (axes, *_) = draw_located(Located(ROOM, BOARD, readings, (pose,), SCORES, 2.0, 1.0)).axes
-    (points,) = (line.get_xydata() for line in axes.lines if str(line.get_label()).startswith("scan"))
-    away = [math.dist(point, pose.position) for point in np.asarray(points)]
-    assert away == pytest.approx([0.51, 0.76, 1.01])
-    legend = [text.get_text() for text in axes.get_legend().get_texts()]
-    assert len(legend) == len(set(legend)) == 3
 
 
 # Tables of poses.
@@ -140,12 +118,6 @@ def test_poses_come_in_the_order_of_the_logs_and_what_a_row_lacks_is_unknown(
     if math.isinf(max(spread.xy, spread.heading)):
         with pytest.raises(InputError, match=r"b\.mcap: expected position and heading of the first log"):
             read_poses(rows, LOGS[::-1])
-
-
-def test_logs_of_one_name_are_told_apart_by_their_paths(tmp_path: Path) -> None:
-    logs = [Path("a/scan.mcap"), Path("b/scan.mcap")]
-    read = read_poses(table(tmp_path, HEADER, "b/scan.mcap,3,4,0,,", "./a/scan.mcap,1,2,0,,"), logs)
-    assert [place.position for place, _ in read] == [(1.0, 2.0), (3.0, 4.0)]
 
 
 # A robot that is tracked.

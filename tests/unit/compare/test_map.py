@@ -28,7 +28,6 @@ from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import CONE_HALF_ANGLE
 from sonarhw_sim.room.room import Place
 
-from sonarhw.readings import Reading
 from tests.fixtures.predicted_readings import readings_of
 from tests.fixtures.rooms_for_tests import room_of
 
@@ -75,15 +74,6 @@ def test_one_reading_gives_the_printed_profiles(degrees: float, far: float) -> N
     assert grid.certainty == pytest.approx(np.where(grid.occupied >= empty, grid.occupied, -empty), abs=1e-9)
 
 
-def test_a_grid_has_a_margin_of_20_centimetres_and_at_most_1200_cells_to_a_side() -> None:
-    grid = grid_of((0.0, 1.0), cell=0.02)
-    left, right, bottom, top = grid.extent
-    assert (left, bottom) == pytest.approx((0.1, -0.1))
-    assert (right, top) == pytest.approx((1.5, 0.3), abs=0.021)
-    huge = certainty_grid([PlacedScan(readings_of([0.0], [100.0]), HERE)], BOARD, [np.ones(1, np.bool_)])
-    assert max(huge.empty.shape) in (1200, 1201)
-
-
 def test_certainty_outside_the_grid_is_0_and_inside_that_of_the_cell() -> None:
     grid = CertaintyGrid(1.0, 2.0, 0.5, np.zeros((2, 3)), np.array([[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]]))
     points = [
@@ -115,27 +105,6 @@ def test_a_wall_is_as_long_as_the_touched_part_but_at_least_10_centimetres(apart
     ends = sorted((wall.start, wall.end))
     assert [y for _, y in ends] == pytest.approx([1.0, 1.0], abs=1e-6)
     assert [x for x, _ in ends] == pytest.approx([0.3 + (apart - length) / 2, 0.3 + (apart + length) / 2], abs=1e-6)
-
-
-def test_places_less_than_5_centimetres_apart_are_one() -> None:
-    assert find_features([arc_to((x, 0.0), (x, 1.0)) for x in (0.3, 0.349)]).walls == ()
-    assert len(find_features([arc_to((x, 0.0), (x, 1.0)) for x in (0.3, 0.351)]).walls) == 1
-
-
-def test_an_empty_cell_is_not_occupied_by_another_reading() -> None:
-    """Two points on the arc of a near reading, equally far from its axis; a far reading passes through one of them."""
-    place, (near, far) = Place("", (0.0, 0.0)), readings_of(np.radians([10.0, 0.0]), [0.6, 1.5])
-    spots = [[0.6 * math.cos(math.radians(at)), 0.6 * math.sin(math.radians(at))] for at in (2.0, 18.0)]
-
-    def filled(*readings: Reading) -> list[float]:
-        grid = certainty_grid([PlacedScan(readings, place)], BOARD, [np.ones(len(readings), dtype=np.bool_)], 0.005)
-        column, row = np.floor((np.array(spots) - (grid.left, grid.bottom)) / grid.cell).astype(int).T
-        return grid.occupied[row, column].tolist()
-
-    seen_through, beside = filled(near)
-    assert seen_through == pytest.approx(beside, rel=0.05)
-    seen_through, beside = filled(near, far)
-    assert seen_through < 0.5 * beside
 
 
 def test_two_places_distinguish_a_wall_from_a_point() -> None:
@@ -221,14 +190,6 @@ def test_a_wall_behind_another_is_an_image(y: float, left: float, reachable: boo
     arcs = (UP, arc(0.5, 0.0, y, 90.0))
     near, far = wall((left, 1.0), (left + 1.0, 1.0), 90, 0), wall((0.3, y), (0.9, y), 90, 1)
     assert reachable_walls(Features(arcs, (far, near), ())) == ((near, far) if reachable else (near,))
-
-
-def test_a_wall_that_most_places_see_is_reachable() -> None:
-    arcs = (UP, arc(0.5, 0.0, 2.0, 90.0), arc(2.0, 0.0, 2.0, 90.0), arc(2.3, 0.0, 2.0, 90.0))
-    near = wall((0.3, 1.0), (0.9, 1.0), 90, 0)
-    assert len(reachable_walls(Features(arcs, (near, wall((0.5, 2.0), (2.3, 2.0), 90, 1, 2, 3)), ()))) == 2
-    assert len(reachable_walls(Features(arcs, (near, wall((0.5, 2.0), (2.3, 2.0), 90, 1, 2)), ()))) == 2
-    assert len(reachable_walls(Features(arcs, (near, wall((0.5, 2.0), (2.3, 2.0), 90, 1)), ()))) == 1
 
 
 # The picture of a map.

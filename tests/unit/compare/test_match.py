@@ -21,8 +21,6 @@ from sonarhw_compare.regions import Region, mean_run, regions_of
 from sonarhw_compare.rooms.evidence import evidence_of
 from sonarhw_compare.score import (
     assigned,
-    assigned_echoes,
-    calibration,
     compare_regions,
     echo_statistics,
     match_regions,
@@ -57,25 +55,6 @@ def test_every_reading_has_one_class(measured: float | None, predicted: float | 
     assert classify(measured, predicted) is kind
 
 
-def test_figures_count_the_changes_of_the_scan() -> None:
-    board, angles = replace(PAPER, threshold_db=-3.0), np.radians(np.arange(0, 360, 5.0))  # some headings are silent
-    ranges = predict_scan(ROOM, PLACE, board, angles).ranges
-    heard, silent = np.flatnonzero(~np.isnan(ranges)), np.flatnonzero(np.isnan(ranges))
-    assert len(silent) > 5
-    measured = ranges.copy()
-    measured[heard[:2]] = math.nan, ranges[heard[1]] - 0.3
-    measured[silent[0]] = 0.5
-    summary = compare_readings(readings_of(angles, measured), ROOM, PLACE, board).summary()
-    assert summary.classes["missed"] == summary.classes["short"] == summary.classes["extra"] == 1
-    assert (sum(summary.classes.values()), summary.n_echo) == (summary.n, len(heard)) == (72, len(heard))
-    assert summary.within_5cm == pytest.approx((len(heard) - 2) / len(heard))
-    expected = ((len(silent) - 1) / len(silent) + (len(heard) - 1) / len(heard)) / 2
-    assert summary.no_echo_agreement == pytest.approx(expected)
-    assert summary.median_abs_error_m == pytest.approx(0.0, abs=1e-9)
-    none = compare_readings(readings_of([0.0], [math.nan]), ROOM, PLACE, PAPER).summary()
-    assert (none.within_5cm, none.median_abs_error_m, none.no_echo_agreement, none.explained) == (None,) * 4
-
-
 def test_the_area_under_the_curve_of_silence_is_the_share_of_correctly_ordered_pairs() -> None:
     random = np.random.default_rng(3)
     scores, sounding = random.integers(0, 6, 60).astype(np.float64), random.random(60) < 0.7
@@ -103,15 +82,6 @@ def test_assignment_has_the_least_cost_of_all_one_to_one_assignments() -> None:
         # pairs between one and two gates are not assigned and cost two gates
         assert cost == pytest.approx(min(costs), abs=TOLERANCE * (len(chosen) - len(taken)) + 1e-12)
     assert (assigned(np.empty(0), np.ones(1)), assigned(np.ones(1), np.empty(0))) == ([], [None])
-
-
-def test_every_echo_of_a_reading_gets_its_predicted_echo() -> None:
-    echoes = predict_scan(ROOM, PLACE, PAPER, np.array([1.0])).ping(0).echoes[:3]
-    ranges = [echoes[0].range - 0.3, *(echo.range + 0.004 for echo in echoes)]
-    comparison = compare_readings(readings_of([0.0], [ranges]), ROOM, replace(PLACE, heading=1.0), PAPER)
-    assert [echo and echo.path for _, echo in assigned_echoes(comparison, 0)] == [None, *(one.path for one in echoes)]
-    statistics = echo_statistics(comparison)
-    assert (statistics.echoes, statistics.explained) == (4, 0.75)
 
 
 @pytest.mark.parametrize(("bias", "deviation"), [(0.0, 0.002), (0.005, 0.004)])
@@ -155,26 +125,6 @@ def test_regions_end_at_other_ranges_and_at_wide_silence_only(
 ) -> None:
     regions = regions_of(HEADINGS, ranges)
     assert sorted((one.range, len(one), one.rows[0]) for one in regions) == sorted(found)
-
-
-def test_slowly_changing_ranges_are_split_at_the_tolerance() -> None:
-    ranges = NOTHING.copy()
-    ranges[10:30] = 1.0 + 0.004 * np.arange(20)
-    regions = regions_of(HEADINGS, ranges, tolerance=0.0201, least_width=0.0)
-    assert [region.rows[0] for region in regions] == [10, 16, 22, 28]
-    assert regions_of(HEADINGS, ranges, tolerance=0.003) == ()
-
-
-@pytest.mark.parametrize("step", [1.0, 2.0, 2.5, 5.0])
-def test_whether_a_region_is_found_does_not_depend_on_its_heading(step: float) -> None:
-    count = round(360 / step)
-    headings, wide = np.radians(step * np.arange(count)), round(10 / step) + 1
-    for first in range(0, count, 3):
-        rows = (first + np.arange(wide)) % count
-        ranges, narrower = np.full(count, np.nan), np.full(count, np.nan)
-        ranges[rows] = narrower[rows[1:]] = 2.0
-        assert [len(region) for region in regions_of(headings, ranges)] == [wide]
-        assert regions_of(headings, narrower) == ()
 
 
 @pytest.mark.parametrize(
@@ -341,19 +291,3 @@ def test_log_score_of_one_wall_and_a_normal_threshold() -> None:
     score = score_comparison(compared(board, math.nan, 1.503, math.nan))
     assert score.log_score == pytest.approx((2 * math.log(silent) + math.log(at)) / 3, abs=2e-3)
     assert score_comparison(compare_readings([], WALL, ORIGIN, board)).log_score is None
-
-
-@pytest.mark.parametrize(
-    ("over_db", "ranges", "observed"),
-    [(1.0, (math.nan, 1.5, math.nan, math.nan), 0.75), (-1.0, (1.54, 1.56, math.nan, 1.5), 0.5)],
-)
-def test_the_most_probable_reading_is_silence_or_a_range_within_5_cm(
-    over_db: float, ranges: tuple[float, ...], observed: float
-) -> None:
-    (only,) = score_comparison(
-        compared(replace(PAPER, threshold_db=LEVEL + over_db, threshold_sd_db=2.0), *ranges)
-    ).calibration
-    assert (only.n, only.observed, only.stated) == (4, observed, pytest.approx(PHI(0.5), abs=1e-3))
-    bins = calibration([(0.31, True), (0.39, False), (1.0, True), (0.95, True), (0.9, False)])
-    assert [(one.n, one.observed) for one in bins] == [(2, 0.5), (3, pytest.approx(2 / 3))]
-    assert bins[0].stated == pytest.approx(0.35)

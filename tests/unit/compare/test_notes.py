@@ -1,19 +1,16 @@
 """Notes on readings: kept beside the log, found again, and not lost by damage, other programs or a changed log."""
 
 import csv
-import hashlib
 import os
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from sonarhw_compare.scans import ReadingNote, note_on, note_text, notes_of_log, notes_path, read_notes, save_notes
+from sonarhw_compare.scans import note_on, note_text, notes_of_log, notes_path, read_notes, save_notes
 
-from sonarhw.errors import InputError, OutputError
+from sonarhw.errors import InputError
 from sonarhw.log import read_log
 from tests.fixtures.example_logs import write_example
-
-TEXTS = ('he said "wall", 20 cm', "=SUM(A1)", "'quoted", "-5", "Füße 椅子", "a;b")
 
 
 @pytest.fixture
@@ -26,15 +23,6 @@ def pin(log: Path, **texts: str) -> None:
     """Save notes; `r3="text"` is on reading 3."""
     readings = read_log(log).readings
     save_notes(notes_path(log), [note_on(readings[int(name[1:])], text) for name, text in texts.items()])
-
-
-@pytest.mark.parametrize("text", TEXTS)
-def test_a_note_is_found_again_at_its_reading(log: Path, text: str) -> None:
-    before = hashlib.sha256(log.read_bytes()).digest()
-    pin(log, r4=text, r2="no echo here")
-    found = notes_of_log(log, read_log(log).readings)
-    assert (found.texts, found.doubts) == ({2: "no echo here", 4: text}, ())
-    assert hashlib.sha256(log.read_bytes()).digest() == before
 
 
 def test_the_file_has_the_documented_columns(log: Path) -> None:
@@ -85,25 +73,6 @@ def test_a_file_that_holds_no_notes_is_never_overwritten(log: Path, content: byt
 def test_a_pipe_is_refused_without_waiting(log: Path) -> None:
     os.mkfifo(notes_path(log))
     assert "is not a file" in notes_of_log(log, read_log(log).readings).doubts[0]
-
-
-def test_a_folder_in_place_of_the_file_is_one_error(log: Path) -> None:
-    notes_path(log).mkdir()
-    with pytest.raises(InputError, match="is not a file"):
-        pin(log, r4="edge")
-
-
-def test_a_full_or_missing_folder_is_an_output_error(tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match=r"scan\.notes\.csv: No such file"):
-        save_notes(tmp_path / "missing" / "scan.notes.csv", [ReadingNote(1, 0, 0.0, 1.0, "text")])
-
-
-def test_notes_of_another_program_stay(log: Path) -> None:
-    pin(log, r4="edge")
-    with notes_path(log).open("a") as file:
-        file.write("1,5,25,,by hand\r\n")  # reading 5 has no echo
-    pin(log, r6="another")
-    assert notes_of_log(log, read_log(log).readings).texts == {4: "edge", 5: "by hand", 6: "another"}
 
 
 def test_notes_of_a_changed_log_stay_in_the_file_and_on_no_reading(log: Path) -> None:

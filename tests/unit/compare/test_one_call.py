@@ -3,7 +3,6 @@
 import math
 import pickle
 from dataclasses import replace
-from math import radians
 from pathlib import Path
 
 import numpy as np
@@ -91,16 +90,6 @@ def test_compare_takes_room_place_and_board_from_the_log(log: Path, readings: li
         assert [row.kind for row in same.rows] == [row.kind for row in comparison.rows]
 
 
-def test_compare_prefers_what_is_given_and_fits_first(log: Path) -> None:
-    with pytest.warns(UserWarning, match=FEW):
-        assert sonarhw.compare(log, place=(1.0, 1.0)).prediction.place.position == (1.0, 1.0)
-    with pytest.warns(UserWarning, match=FEW):
-        assert sonarhw.compare(log, board="paper").prediction.board.name == "paper"
-    fitted = sonarhw.compare(log, fit="offset")
-    assert fitted.offset == pytest.approx(-0.007, abs=0.003)
-    assert sonarhw.compare(log, fit=["offset"]).offset == fitted.offset
-
-
 def test_fit_finds_offset_and_position(log: Path, readings: list[Reading]) -> None:
     result = sonarhw.fit(log, free="position,offset", samples=0)
     assert result.estimates["x"].value == pytest.approx(1.38, abs=0.005)
@@ -166,22 +155,6 @@ def test_a_place_outside_the_room_gives_a_warning(log: Path, room: Room) -> None
     with pytest.warns(UserWarning, match=FEW), pytest.warns(UserWarning, match=outside) as warned:
         sonarhw.compare(log, place=(9.0, 9.0))
     assert [one.filename for one in warned] == [__file__, __file__]
-
-
-def test_a_report_of_readings_and_one_of_their_log_show_the_same(
-    log: Path, readings: list[Reading], tmp_path: Path
-) -> None:
-    from_log, from_readings = tmp_path / "log.html", tmp_path / "readings.html"
-    sonarhw.write_report(log, from_log, fit="offset")
-    sonarhw.write_report(readings, from_readings, ARENA, "p3", "lego-nxt", fit="offset")
-    pages = [path.read_text(encoding="utf-8") for path in (from_log, from_readings)]
-    assert all("place p3</h1>" in page and page.count("data:image/svg") == 3 for page in pages)
-    summary = sonarhw.compare(log, fit="offset").summary()
-    lead = f"{summary.within_5cm:.0%} of {summary.n_echo} echoes lie within 5 cm"
-    assert all(lead in page for page in pages)
-    with pytest.raises(InputError, match="exists already"):
-        sonarhw.write_report(log, from_log)
-    sonarhw.write_report(log, from_log, overwrite=True)
 
 
 def test_a_wrong_argument_states_what_is_expected(log: Path) -> None:
@@ -255,16 +228,6 @@ def test_a_new_fake_scanner_reports_its_first_start_seed_and_profile(faults: str
     info = Info.unpack(frame.payload)
     assert (info.boot, info.serial, info.board) == (1, "FAKE-0042", "lego-nxt")
     assert (info.major, info.minor, info.homed) == (1, minor, 0)
-
-
-def test_a_fake_scanner_stands_at_a_place_with_a_heading() -> None:
-    room = load_room("laboratory")
-    settings = read_fake_url("fake:laboratory?place=1.5,1.2&seed=7&pace=max&board=paper&heading=-30")
-    place = settings.place_in(room)
-    assert (place.position, place.heading) == ((1.5, 1.2), pytest.approx(radians(-30)))
-    assert (settings.seed, settings.pace, settings.board) == (7, "max", "paper")
-    back = read_fake_url("fake:laboratory?place=door&seed=7&pace=max&board=paper")
-    assert back.place_in(room) == room.places["door"]
 
 
 def test_a_heading_that_is_no_number_is_refused() -> None:

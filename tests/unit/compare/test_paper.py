@@ -9,13 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from sonarhw_compare.paper import figures
-from sonarhw_compare.paper.scenes import Claim, PaperScene
+from sonarhw_compare.paper.scenes import Claim
 from sonarhw_sim.air import Model, Unit
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.room import parse_room
-
-from sonarhw.readings import FloatArray
-from tests.checkout import CHECKOUT
 
 PAGE = Path("docs/figures/figures.md").read_text(encoding="utf-8")
 CLAIMS = [claim for exhibit in figures.EXHIBITS for claim in exhibit.claims]
@@ -109,37 +106,6 @@ def test_every_claim_is_tested_with_another_scene() -> None:
 
 def _claims_of(scenes: list[Callable[[], Claim]]) -> set[Callable[[], Claim]]:
     return {scene.func for scene in scenes}  # type: ignore[attr-defined]
-
-
-@pytest.mark.parametrize(
-    ("claim", "scene"),
-    [
-        (figures.oblique_walls_are_lost_off_the_axis, figures.OBLIQUE),
-        (figures.right_walls_are_lost_off_the_axis, figures.RIGHT),
-    ],
-    ids=["oblique", "right"],
-)
-def test_rough_walls_are_not_lost_beyond_the_critical_angle(
-    claim: Callable[[PaperScene], Claim], scene: PaperScene, tmp_path: Path
-) -> None:
-    room = (CHECKOUT / "rooms" / f"{scene.room}.toml").read_text(encoding="utf-8")
-    rough = tmp_path / "rough.toml"
-    rough.write_text(room.replace("reflectance = 0.95", "reflectance = 0.95\nscatter = 0.5"), encoding="utf-8")
-    shown = claim(replace(scene, room=str(rough)))
-    assert not shown.holds
-    assert "; 0 of " in shown.measured  # headings are silent
-
-
-def test_single_readings_must_all_be_in_the_other_model() -> None:
-    """The other model has an echo for some of them only, and where it has one, it agrees."""
-
-    def near(scene: PaperScene) -> FloatArray:
-        found = figures.single_reflections(scene)
-        return np.where(found > 1.2, np.nan, found)
-
-    shown = figures.single_readings_are_theirs(model=near)
-    assert "differs by at most 0.0 mm" in shown.measured
-    assert not shown.holds
 
 
 def test_independent_model_hears_the_nearer_of_two_walls_up_to_the_critical_angle() -> None:

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle
 from scipy.signal import hilbert
 from sonarhw_compare import report
-from sonarhw_compare.drawings import draw_checked_room, draw_found_room, draw_plan, draw_room
+from sonarhw_compare.drawings import draw_found_room, draw_plan
 from sonarhw_compare.fit import PlacedScan
 from sonarhw_compare.match import Comparison, Kind, compare_readings
 from sonarhw_compare.pictures import envelope_of, shading_around
@@ -20,7 +19,7 @@ from sonarhw_compare.report import CLASSES, bscan_png, plan_svg, ranges_svg
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.room import Place, load_room, parse_room
+from sonarhw_sim.room.room import Place, load_room
 
 from sonarhw.readings import FloatArray, Reading, Trace
 from tests.fixtures.predicted_readings import SPEED, predicted_readings, readings_of
@@ -167,29 +166,6 @@ def test_labels_and_legend_are_inside_the_picture(room_name: str, place: str, bo
         assert (edge == 255).all(), name
 
 
-@pytest.mark.parametrize(
-    ("place", "lines"),
-    [
-        (None, {"limited height": ":"}),
-        ("plan", {}),  # where heights have no effect
-        ("robot", {"lower than the transducer": ":"}),  # at 0.25 m: the step is below, bin and rug are not
-        ("high", {"higher than the transducer": "-."}),  # below the rug
-    ],
-)
-def test_walls_of_limited_height_have_another_line(place: str | None, lines: dict[str, str]) -> None:
-    more = "\n[places.high]\nposition = [1.3, 0.9]\nheight = 0.05\n"
-    room = parse_room(load_room("doorstep").text + more, "doorstep")
-    axes = Figure().add_subplot()
-    draw_room(axes, room, None if place is None else room.places[place])
-    drawn = {line.get_label(): line.get_linestyle() for line in axes.lines}
-    assert {label: line for label, line in drawn.items() if not str(label).startswith("_")} == lines
-    styles = dict(zip(room.names, [line.get_linestyle() for line in axes.lines], strict=False))
-    limited = {None: ["step", "rug"], "plan": [], "robot": ["step"], "high": ["rug"]}[place]
-    assert [name for name in room.names[: len(room.walls)] if styles[name] != "-"] == limited
-    (post,) = (patch for patch in axes.patches if isinstance(patch, Circle))
-    assert post.get_fill() == (place is not None)  # 0.4 m high
-
-
 WALL = polygon_room([(1.5, -1.0), (1.5, 1.0)], closed=False)
 LEVEL = 20 * math.log10(0.9)  # dB, of the wall straight ahead
 
@@ -244,41 +220,6 @@ def test_echoes_are_drawn_by_the_kind_of_their_path(false_scan: PlacedScan) -> N
     echoes = sum(reading.range is not None for reading in false_scan.readings)
     several = line_of(figure, 0, "echo: several reflections")
     assert len(once) + len(several) + 1 == echoes
-
-
-def test_open_ends_and_touches_of_a_known_room_are_drawn(false_scan: PlacedScan) -> None:
-    found = polygon_room([(0.0, 0.0), (3.0, 0.0), (3.0, 2.0)])
-    figure = draw_found_room([false_scan], found, PAPER, [(0.0, 2.0)], KNOWN)
-    assert len(figure.axes) == 3
-    assert line_of(figure, 1, "open end").tolist() == [[0.0, 2.0]]
-    touched = line_of(figure, 2, "touched by sound on its way to an echo")
-    on_wall = [np.abs(touched[:, axis] - at) < 1e-6 for axis, at in ((0, 0.0), (0, 3.0), (1, 0.0), (1, 2.0))]
-    assert np.any(on_wall, axis=0).all()
-    assert np.abs(touched - (1.0, 0.0)).max(axis=1).min() < 1e-6
-
-
-SQUARE = """
-name = "square"
-[materials.wood]
-reflectance = 0.9
-[[walls]]
-name = "room"
-points = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]]
-closed = true
-material = "wood"
-[places.desk]
-position = [1.0, 2.0]
-heading_deg = {heading}
-"""
-
-
-@pytest.mark.parametrize("heading", [0, 45, 225])
-def test_the_arrow_of_a_place_points_along_its_heading(heading: int) -> None:
-    (axes,) = draw_checked_room(parse_room(SQUARE.format(heading=heading), "square")).axes
-    (arrow,) = [text for text in axes.texts if text.arrow_patch is not None]
-    (x, y), (tip_x, tip_y) = arrow.xyann, arrow.xy
-    assert (x, y) == (1.0, 2.0)
-    assert math.degrees(math.atan2(tip_y - y, tip_x - x)) % 360 == pytest.approx(heading)
 
 
 @pytest.mark.parametrize("count", [200, 201])

@@ -20,7 +20,7 @@ from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.room.room import Place, load_room, parse_room
 
 from sonarhw.errors import InputError
-from tests.fixtures.predicted_readings import predicted_readings, predicted_scan, readings_of
+from tests.fixtures.predicted_readings import predicted_readings, predicted_scan
 from tests.fixtures.rooms_for_tests import polygon_room
 
 BOARD = load_board("polaroid-6500")
@@ -47,12 +47,6 @@ edges = ["plate"]
 [places.here]
 position = [0.0, 1.1]
 """
-PLANK = """[[walls]]
-name = "plank"
-points = [[0.5, -1.0], [0.5, -0.98], [1.5, -0.98], [1.5, -1.0]]
-material = "board"
-edges = ["plank-left", "plank", "plank-right"]
-[places.here]"""
 GIVEN = parse_room(YARD, "the yard")
 HERE = GIVEN.places["here"]
 Change = NewPost | NewWall | MovedWall | OtherReflectance
@@ -93,15 +87,6 @@ def test_what_differs_in_the_room_is_found(true: Change | None, text: str) -> No
     assert after > max(before, 0.95)
 
 
-def test_nothing_is_proposed_beside_a_plank_or_for_echoes_by_many_reflections() -> None:
-    """A wall is not moved so far that a short neighbour loses its length."""
-    arena, plank = load_room("arena"), parse_room(YARD.replace("[places.here]", PLANK), "the yard with a plank")
-    p1 = arena.places["p1"]
-    assert find_causes(predicted_readings(plank, HERE, BOARD, 8.0, noise=0.01), plank, HERE, BOARD).causes == ()
-    scan = predicted_readings(arena, p1, BOARD, 10.0, noise=0.01, every=True)
-    assert find_causes(scan, arena, p1, BOARD).causes == ()
-
-
 def test_a_wall_that_faces_no_place_is_found_by_its_edge() -> None:
     room, ends = load_room("kuc_siegel"), ((0.182, 0.306), (0.238, 0.134))
     place = room.places["figure6"]
@@ -134,22 +119,6 @@ def test_a_changed_room_is_the_room_of_its_text(change: Change) -> None:
 
 
 # Drafts of rooms.
-
-
-MOVES = [*(Move("wall", key, part) for key in (0, 4) for part in (0, 1)), Move("wall", 5, 2), Move("wall", 5, 3)]
-MOVES += [Move("post", 0, part) for part in range(3)]
-
-
-def furnished() -> RoomDraft:
-    """Return a rectangle of 4 by 3 m with two walls that stand free, and a post."""
-    walls = {}
-    for key, middle in {0: (4.0, 1.5), 1: (2.0, 3.0), 2: (0.0, 1.5), 3: (2.0, 0.0)}.items():
-        half = 1.5 if key in (0, 2) else 2.0
-        ends = DraftEnd(-half, (key - 1) % 4), DraftEnd(half, (key + 1) % 4)
-        walls[key] = DraftWall(middle, (1 + key) * math.pi / 2, ends)
-    walls[4] = DraftWall((1.2, 2.2), math.radians(20), (DraftEnd(-0.4), DraftEnd(0.4)))
-    walls[5] = DraftWall((3.0, 0.8), math.radians(100), (DraftEnd(-0.5), DraftEnd(0.5)))
-    return RoomDraft((), walls, (DraftPost((2.6, 2.3), 0.05),))
 
 
 # Refinement by ranges, and what is stated about it.
@@ -257,16 +226,6 @@ def test_an_oblique_wall_is_turned_to_right_angles_unless_the_scans_contradict(
 
 
 # Scans whose poses are not known.
-
-
-def pose(x: float, probability: float = 1.0) -> Pose:
-    return Pose((x, 0.0), 0.1, 0.0, probability, (0.01, 0.01, 0.01))
-
-
-def scans(count: int) -> list[PlacedScan]:
-    """Return scans with their number as title, and as number of their only reading."""
-    one = readings_of([0.0], [math.nan])[0]
-    return [PlacedScan((replace(one, number=k),), Place("", (0.0, 0.0)), str(k), str(k)) for k in range(count)]
 
 
 # What is reported of a found room.

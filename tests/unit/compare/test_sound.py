@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
-from sonarhw_compare.film import FilmTiming, caption_at
+from sonarhw_compare.film import FilmTiming
 from sonarhw_compare.picture_file import FILMS, check_film, write_film
-from sonarhw_compare.sound import PlayedPing, counted_position, front_at, moment_at, position_at
+from sonarhw_compare.sound import PlayedPing, front_at, position_at
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.room import load_room
@@ -57,21 +57,6 @@ def test_the_front_is_an_arc_about_the_image_of_the_source() -> None:
     assert len(front_at(path, 3.0, 0.3)) == 0
 
 
-def test_the_false_wall_is_detected_when_its_sound_returns() -> None:
-    ping = PlayedPing(SCAN, 0)
-    speed = ROOM.air.speed_of_sound
-    assert [">".join(SCAN.paths.via(way.echo.path, ROOM)) for way in ping.ways] == ["bottom>top>bottom", "bottom"]
-    assert ping.detected == pytest.approx(2 * (2 * 0.085 + 0.657) / speed)
-    wall, returned = 2 * 0.085 / speed, ping.detected
-    assert wall < ping.blanking < returned < ping.duration
-    for time, alive in ((0.5 * wall, 2), (1.01 * wall, 2), (1.5e-3, 1), (returned * 1.001, 1), (returned + 4e-4, 0)):
-        assert sum(len(pulse.trail) > 0 for pulse in moment_at(ping, time)) == alive
-    head = moment_at(ping, (0.085 + 0.3) / speed)[0].trail[-1]  # after the bottom wall, 0.3 m up
-    assert head == pytest.approx(np.array([0.774, 0.3]), abs=1e-6)
-    assert counted_position(ping, returned) == pytest.approx(np.array([0.774, 0.085 - 0.827]), abs=1e-6)
-    assert counted_position(ping, 1.0) == pytest.approx(counted_position(ping, returned))
-
-
 ROOM = load_room("rooms/simple.toml")
 
 
@@ -108,17 +93,6 @@ def test_a_film_has_all_frames_and_ends_with_the_detection(suffix: str) -> None:
     moving = len({round(time, 9) for time in QUICK.times(FALSE_WALL)})
     assert moving <= len(pictures) <= len(QUICK.times(FALSE_WALL))  # a GIF joins equal frames at the end
     assert orange(pictures[-1]) > 1.5 * orange(pictures[len(pictures) // 2])  # the reported point is filled
-
-
-def test_captions_follow_the_events() -> None:
-    for time, expected in (
-        (0.1e-3, "0.10 ms: the board transmits"),
-        (0.6e-3, "0.60 ms: the echo of bottom arrives within blanking and is not detected"),
-        (2.0e-3, "2.00 ms: the board does not listen yet (blanking)"),
-        (3.0e-3, "3.00 ms: the board listens"),
-        (5.0e-3, "5.00 ms: bottom, top, bottom returns; the board would report 0.827 m"),
-    ):
-        assert caption_at(FALSE_WALL, time) == expected
 
 
 def test_a_video_without_pyav_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,12 +1,9 @@
 """Studies: axes and their draws, free space of simple rooms, and the figures of one scan."""
 
-import math
-
 import numpy as np
 import pytest
 from scipy.stats import kstest, truncnorm, uniform
 from sonarhw_compare.free_space import find_free_space
-from sonarhw_compare.study import ScanColumns, figures_of
 from sonarhw_compare.study_cases import Drawn, Listed, read_axis
 from sonarhw_sim.room.room import Room
 
@@ -61,17 +58,6 @@ def room(extra: str = "") -> Room:
     return polygon_room(SQUARE, extra=extra)
 
 
-def test_a_room_without_posts_is_free_as_a_whole() -> None:
-    space = find_free_space(room(), 0.1)
-    assert space.free.shape == (10, 20)
-    assert space.free.all()
-    assert len(space.middles) == 200
-    assert space.middles.min(axis=0) == pytest.approx([1.05, 1.05])
-    assert space.middles.max(axis=0) == pytest.approx([2.95, 1.95])
-    # 120 cells along the longer side
-    assert find_free_space(room()).spacing == pytest.approx(2 / 120)
-
-
 @pytest.mark.parametrize(("x", "area"), [(None, 1.49), (1.2, 0.51), (2.8, 1.49)])
 def test_only_the_part_with_a_place_is_free_or_else_the_largest(x: float | None, area: float) -> None:
     space = find_free_space(room(PARTITION + ("" if x is None else AT.format(x))), 0.02)
@@ -106,29 +92,3 @@ def test_positions_are_drawn_uniformly_with_their_clearance(monkeypatch: pytest.
     monkeypatch.setattr("sonarhw_compare.free_space._TRIES", 1000)  # fewer tries to draw a place
     with pytest.raises(InputError, match=r"no place is 0\.6 m from every wall"):
         space.draw(random, 0.6)
-
-
-NOTHING = math.nan
-
-
-def test_figures_are_shares_of_the_echoes() -> None:
-    # direct, two reflections, an edge, an edge after a reflection, and a heading without an echo
-    found = figures_of(
-        ScanColumns(
-            heading_deg=np.arange(5.0),
-            range_m=np.array([1.0, 2.0, 1.5, 2.5, NOTHING]),
-            path_m=np.array([2.0, 4.0, 3.0, 5.0, NOTHING]),
-            level_db=np.zeros(5),
-            bounces=np.array([1.0, 2.0, 0.0, 1.0, NOTHING]),
-            bent=np.array([0.0, 0.0, 1.0, 1.0, NOTHING]),
-            axis_m=np.array([1.04, 1.94, 1.5, NOTHING, 3.0]),
-        )
-    )
-    assert found == {
-        "n": 5,
-        "n_echo": 4,
-        "by_several": 0.5,
-        "by_edge": 0.5,
-        "within_5cm_of_axis": 0.5,  # 4 cm, 6 cm, 0, and no wall ahead
-        "median_abs_error_m": np.median(np.abs([1.0 - 1.04, 2.0 - 1.94, 0.0])),
-    }

@@ -66,32 +66,11 @@ def test_several_pings_show_a_change_that_one_ping_does_not() -> None:
     assert many.changes[ScanChange.NEARER] == 11
 
 
-def test_a_median_of_pings_is_silent_if_most_of_them_are() -> None:
-    before, after = scan(5, 3), scan(6, 3)
-    ranges = after.ranges.copy()
-    ranges[0], ranges[3:5] = math.nan, math.nan  # one ping of the first heading, two of the second
-    rows = scan_difference(before, HeadingSeries(after.headings, ranges)).rows
-    assert [row.change for row in rows[:2]] == [ScanChange.SAME, ScanChange.FELL_SILENT]
-    assert (rows[1].second.heard, rows[1].second.pings) == (1, 3)
-
-
 def test_a_whole_room_that_is_farther_is_not_taken_for_noise() -> None:
     after = scan(8, 5)
     found = scan_difference(scan(7, 5), HeadingSeries(after.headings, after.ranges + 0.03))
     assert found.changes[ScanChange.FARTHER] == 120
     assert found.median == pytest.approx(0.03, abs=0.001)
-
-
-def test_rounding_to_whole_centimetres_is_no_change() -> None:
-    one, other = scan(9), scan(10)
-    rounded = [HeadingSeries(s.headings, np.round(s.ranges, 2), 0.01) for s in (one, other)]
-    assert counts(scan_difference(*rounded)) == {ScanChange.SAME: 120}
-
-
-def test_scans_with_other_steps_are_compared_at_the_headings_of_the_coarser_one() -> None:
-    found = scan_difference(scan(11, step=math.radians(5)), scan(12, step=math.radians(2)))
-    assert len(found.rows) == 72
-    assert found.unpaired == (0, 180 - 72)
 
 
 def test_a_stretch_continues_over_heading_0() -> None:

@@ -9,13 +9,11 @@ import numpy as np
 import pytest
 from PySide6.QtCore import QObject
 from sonarhw_compare.edits import add_post
-from sonarhw_compare.fit import Estimate, PlacedScan, free_parameters
-from sonarhw_compare.fit.fitting import unexplained, warnings_of
+from sonarhw_compare.fit import PlacedScan
 from sonarhw_compare.locate import PoseSpread
-from sonarhw_compare.match import Summary
 from sonarhw_compare.rooms.evidence import FINE, evidence_of
 from sonarhw_gui.jobs.jobs import Jobs
-from sonarhw_gui.jobs.searches import FitFound, loaded_scans, warnings
+from sonarhw_gui.jobs.searches import loaded_scans
 from sonarhw_gui.model import scene as scenes
 from sonarhw_gui.model.edits import (
     Grip,
@@ -23,32 +21,26 @@ from sonarhw_gui.model.edits import (
     dragged,
     sensor_at,
     sensor_turned,
-    with_material_values,
     with_sensor_at,
 )
 from sonarhw_gui.model.look import LengthUnit, Look
-from sonarhw_gui.model.scene import Scene, bounce_losses, scene_of_log, scene_with
+from sonarhw_gui.model.scene import Scene, scene_of_log
 from sonarhw_gui.model.shown import Shown, overlaid
-from sonarhw_gui.session import showing
 from sonarhw_gui.session.kept import NoteStore, is_changed, room_text
 from sonarhw_gui.session.notices import Notices
 from sonarhw_gui.session.scanner import Live, ScanSettings, start_recording
 from sonarhw_gui.session.showing import ShownModel
 from sonarhw_gui.views.echoes import EchoList
-from sonarhw_gui.views.plan_tools import pose_text, surface_text
 from sonarhw_sim.air import Air, Receiver
 from sonarhw_sim.board.profile import OwnBodyPart, load_board, parse_board
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.room import Place, Room, load_room, parse_room
+from sonarhw_sim.room.room import Place, load_room
 
 from sonarhw.errors import InputError
 from sonarhw.log import read_log
 from sonarhw.readings import Reading
-from tests.fixtures.fit_results import BOARD, PLACE, heading_fit
-from tests.fixtures.fit_results import ROOM as FITTED_ROOM
 from tests.fixtures.window_scene import ROOM
 
-PIXEL = 0.002  # m
 SIMPLE = load_room(ROOM)
 SCENE = Scene(SIMPLE, SIMPLE.places["figure9"], load_board("polaroid-6500"))
 NOWHERE = Scene(None, None, SCENE.board)
@@ -94,19 +86,6 @@ def test_a_recording_contains_the_pose_of_the_sensor_and_the_receiver_of_its_boa
     assert again.options.receiver_of(again.board) is receiver
 
 
-def test_a_slider_of_scatter_keeps_a_table_and_one_of_reflectance_replaces_it(scene: Scene) -> None:
-    row = "{ incidence_deg = 0.0, frequency = 50000.0, reflectance = 0.7 }"
-    text = scene.room.text.replace("reflectance = 0.95", f"table = [{row}]")
-    tabled = replace(scene, room=parse_room(text, "mine.toml"))
-    assert surface_text(tabled.room, 0).startswith("bottom · shelving, reflectance up to 0.70")
-    rougher, _ = with_material_values(tabled, "shelving", {"scatter": 0.36})
-    assert rougher.room.tables.keys() == {"shelving"}
-    assert rougher.room.reflectances[0] == pytest.approx(0.7 * 0.8)
-    replaced, _ = with_material_values(rougher, "shelving", {"reflectance": 0.5})
-    assert not replaced.room.tables
-    assert replaced.room.reflectances[0] == pytest.approx(0.5 * 0.8)
-
-
 DRAGGED = with_sensor_at(SCENE, (0.5, 0.4), 0.0)
 
 
@@ -137,36 +116,6 @@ def test_a_scene_is_changed_exactly_if_its_text_is_and_a_drag_of_the_sensor_writ
 # texts
 
 
-def test_texts_name_a_pose_outside_closed_walls_and_the_loss_of_a_surface(scene: Scene) -> None:
-    def outside(room: Room, at: tuple[float, float]) -> bool:
-        return "outside the walls" in pose_text(replace(scene, room=room, place=Place("", at)), LengthUnit.M)
-
-    doorstep, open_room, arena = (
-        load_room(ROOM.with_name(f"{name}.toml")) for name in ("doorstep", "figure2b", "arena")
-    )
-    seen = outside(scene.room, (0.4, 0.4)), outside(scene.room, (1.4, 0.4)), outside(open_room, (5.0, 5.0))
-    assert (*seen, outside(arena, (3.0, 3.0))) == (False, True, False, True)
-    assert surface_text(scene.room, 0) == "bottom · shelving, reflectance 0.95 (−0.4 dB)"
-    rug = surface_text(doorstep, doorstep.names.index("rug"))
-    assert rug.startswith("rug · rug, reflectance 0.60, scatters 50% (−7.4 dB)")
-
-
-def test_the_losses_along_a_path_add_up_to_its_gain(crowded: Scene) -> None:
-    """For paths over walls, posts, edges, floor and a rough wall."""
-    tall, headings = load_room(ROOM.with_name("doorstep.toml")), np.radians([0.0, 90.0])
-    for scan, surfaces in (
-        (predict_scan(crowded.room, crowded.pose, crowded.board, headings), {"post 1", "bottom"}),
-        (predict_scan(tall, tall.place("robot"), SCENE.board, headings), {"floor", "rug", "bin"}),
-    ):
-        touched = set()
-        for path in range(min(400, len(scan.paths))):
-            losses = bounce_losses(scan, path)
-            assert sum(loss for _, loss in losses) == pytest.approx(20 * math.log10(scan.paths.gains[path]))
-            assert all(1 <= corner <= len(scan.paths.outline(path)) - 2 for corner, _ in losses)
-            touched.update(scan.paths.via(path, scan.room))
-        assert surfaces <= touched
-
-
 def test_all_rows_of_the_list_of_echoes_state_half_of_the_path_also_that_of_the_winner() -> None:
     scan = predict_scan(SIMPLE, SCENE.place, SCENE.board, np.radians([270.0]))
     listed = EchoList(scan, 0, LengthUnit.M)
@@ -175,23 +124,6 @@ def test_all_rows_of_the_list_of_echoes_state_half_of_the_path_also_that_of_the_
     assert outcome == f"wins, receiver adds {float(scan.ranges[0]) - 0.827:.3f} m"
     second = listed.cells(1)
     assert second[2] == f"{float(second[0][:-2]) - 0.827:.3f} m behind the winner"
-
-
-@pytest.mark.parametrize("everywhere", [False, True])
-def test_a_warning_of_a_fit_names_no_command_and_repeats_no_pose_of_the_list(everywhere: bool) -> None:
-    fit, summary = heading_fit(-105.9, 74.1), Summary(10, 10, 9, 0.3, 0.0, None, None, {}, 1.0, 0.0, 0.0, 0.0, 0.0)
-    few = unexplained([PlacedScan((), PLACE, "this scan")], [summary])  # 3 of 10 echoes match
-    offset = free_parameters(("offset",), ("scan",), FITTED_ROOM, BOARD)
-    at_bound = warnings_of(replace(fit, parameters=offset, estimates={"offset": Estimate(0.06, 0.001, 0.0, 0.0)}))
-    result = replace(fit, warnings=(*few, *warnings_of(fit), *at_bound))
-    scene = scene_with(BOARD, FITTED_ROOM, PLACE)
-    texts = warnings(FitFound(scene, 0, everywhere, result, ({}, {}), 0.3, (0.3, 0.3)))
-    assert len(texts) == 3
-    assert "only 30% of the echoes" in texts[0]
-    assert ("search in the whole room" in texts[0]) is not everywhere
-    assert "the room may be symmetric" in texts[1]
-    assert texts[2] == "offset is at its bound, 0.06 m"
-    assert not any("`" in text or "105.9" in text for text in texts)
 
 
 # scans that a search for the room uses
@@ -233,23 +165,3 @@ def model(tmp_path: Path) -> Iterator[ShownModel]:
     live = Live(None, ScanSettings(tmp_path), notices, lambda: None)
     yield ShownModel(NOWHERE, Look(), lambda: live, jobs, NoteStore(None, notices), notices.warn, owner)
     jobs.close()
-
-
-def test_results_of_a_fast_scan_are_shown_with_its_next_readings(
-    model: ShownModel, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    class Clock:
-        now = 100.0  # s
-
-        def monotonic(self) -> float:
-            return self.now
-
-    clock, updates = Clock(), list[float]()
-    monkeypatch.setattr(showing, "time", clock)
-    model.changed.connect(lambda _: updates.append(clock.now))
-    finished = iter((False, True, False, True, False, False))
-    monkeypatch.setattr(model.forecast, "take", lambda: next(finished))
-    for now, readings in ((0.0, True), (0.02, False), (0.03, True), (0.05, False), (0.06, False), (0.08, False)):
-        clock.now = now
-        model.tick(readings)
-    assert updates == [0.0, 0.03, 0.08]  # the last results come without further readings

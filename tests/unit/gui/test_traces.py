@@ -16,7 +16,6 @@ from sonarhw_compare.pictures import (
     echo_row,
     envelope_of,
     heading_key,
-    in_db,
     newest_by_heading,
     predicted_row,
     trace_row,
@@ -30,7 +29,6 @@ from sonarhw_gui.jobs.traces import (
     Pane,
     bscan_slice,
     chosen_trace,
-    colour_scale,
     draw_bscan,
     flat_area,
     polar_area,
@@ -98,14 +96,6 @@ def test_an_echo_lies_with_its_level_in_the_cell_of_its_range_and_only_the_trace
         cells = cells_for(samples * 0.004, 0.004)
         assert cells.reach == pytest.approx(samples * 0.004)
         assert np.isfinite(cells.loudest(np.arange(samples) * 0.004, np.ones(samples))).all()
-
-
-def test_lost_samples_are_a_gap_in_the_row() -> None:
-    trace, cells = spike(1.0), cells_for(3.0, 0.004)
-    trace.samples[(trace.times * SPEED / 2 > 2.0) & (trace.times * SPEED / 2 < 2.2)] = np.nan
-    row = trace_row(trace, SPEED, cells)
-    assert np.isnan(row[(cells.middles > 2.01) & (cells.middles < 2.19)]).all()
-    assert loudest_at(row, cells) == pytest.approx(1.0, abs=cells.width)
 
 
 def test_the_envelope_of_an_undersampled_carrier_is_correct() -> None:
@@ -196,16 +186,6 @@ def test_a_polar_picture_shows_an_echo_in_front_of_the_transducer_at_its_range(d
     assert (x, y) == pytest.approx((position[0] + math.cos(along), position[1] + math.sin(along)), abs=0.02)
     heading, far = polar.headings_and_ranges(np.array(x - middle[0]), np.array(y - middle[1]))
     assert (math.remainder(heading - along, math.tau), far) == pytest.approx((0.0, 1.0), abs=0.02)
-
-
-def test_higher_levels_are_lighter_in_every_scale_and_unknown_ones_have_no_colour() -> None:
-    """Lightness alone shows the level, also to colour-blind readers."""
-    for decibels, levels in ((True, np.array([-40.0, -30, -20, -10, 0])), (False, np.linspace(0, 1, 5))):
-        scale = colour_scale(Pane.MEASURED, decibels, -40.0, LIGHT)
-        red, green, blue, _ = scale.of(levels).view(np.uint8).reshape(5, 4).astype(float).T
-        assert (np.diff(0.2126 * red + 0.7152 * green + 0.0722 * blue) > 0).all()
-    assert colour_scale(Pane.DIFFERENCE, True, -40.0, LIGHT).of(np.array([np.nan]))[0] == 0
-    assert in_db(np.array([0.0]), -40.0)[0] == -40.0
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,6 @@
 """Room files and board profiles: what is read, and that every error is one line with file, key, found and expected."""
 
 import math
-import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,7 +8,6 @@ import numpy as np
 import pytest
 from sonarhw_sim.air import Air, Receiver
 from sonarhw_sim.board.profile import MOST_NAME, Mount, Tone, board_names, load_board, parse_board
-from sonarhw_sim.files import near_miss
 from sonarhw_sim.room.room import Place, load_room, parse_room, room_names
 
 from sonarhw.errors import InputError
@@ -67,17 +65,6 @@ def refusal(parse: Callable[[str, str], object], text: str) -> str:
     assert message.isprintable()
     assert len(message) < 300
     return message.removeprefix("own.toml: ")
-
-
-def test_every_key_of_a_room_is_read_and_has_its_default() -> None:
-    room = parse_room(ROOM, "room.toml")
-    assert room.names == ("w[0]", "w[1]", "p", "floor", "ceiling")
-    assert room.heights.tolist() == [[-math.inf, math.inf]] * 2 + [[0.0, 0.4], [0.0, 0.0], [2.5, 2.5]]
-    assert room.place("here") == Place("here", (0.2, 0.3), math.pi / 2, 0.3)
-    above = ROOM.replace("position = [0.2, 0.3]", "position = [5.1, 5.1]").replace("height = 0.3", "height = 0.6")
-    assert parse_room(above, "tall.toml").place("here").position == (5.1, 5.1)  # over the post
-    blocks = re.findall(r"```toml\n(.*?)```", Path("README.md").read_text(), flags=re.DOTALL)
-    assert [parse_room(block, "README").name for block in blocks if "[[walls]]" in block] == ["Simple room"]
 
 
 @pytest.mark.parametrize(
@@ -350,14 +337,6 @@ def test_a_name_is_the_shipped_one_whatever_the_working_directory_holds(folder: 
     for name in room_names():
         assert load_room(name).text == (CHECKOUT / f"rooms/{name}.toml").read_text()
     assert all(load_board(name).name == name for name in board_names())
-
-
-def test_near_misses_ignore_case_and_strange_words_have_none() -> None:
-    assert near_miss("Radius", ["radius", "center"]) == "radius"
-    assert near_miss("xyzzy", ["radius", "center"]) is None
-    assert near_miss("radius" * 100_000, ["radius"]) is None
-    with pytest.raises(InputError, match=r"'poloroid-6500'; did you mean 'polaroid-6500'\? known: hc-sr04"):
-        load_board("poloroid-6500")
 
 
 # Places by name or numbers.

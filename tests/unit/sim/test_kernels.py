@@ -6,8 +6,6 @@ import multiprocessing
 import os
 import pkgutil
 import sys
-import threading
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import fields, replace
 from pathlib import Path
@@ -18,13 +16,12 @@ import numpy as np
 import pytest
 import sonarhw_compare
 import sonarhw_sim
-from numba import float64, int64
+from numba import float64
 from sonarhw_sim import compiled as compiled_module
 from sonarhw_sim import compiler
-from sonarhw_sim import compiler as kernel_key
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.compiled import compiled, compiled_part, in_parts
-from sonarhw_sim.compiler import digest_of, kernel_folders, key_of, slot_of, store, stored
+from sonarhw_sim.compiler import digest_of, kernel_folders, key_of, store
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.room import load_room
@@ -122,33 +119,6 @@ def test_a_kernel_may_not_use_what_the_key_would_miss(key: Key, constant: str) -
         key(constant=constant)
 
 
-def test_the_key_changes_with_types_options_and_processor() -> None:
-    @compiled
-    def kernel(value: float) -> float:
-        return value
-
-    keys = [
-        _key(kernel),
-        _key(kernel, (int64,)),
-        _key(kernel, processor=("x86_64", "some", "+avx512f")),
-        key_of(kernel.py_func, "fastmath", (float64, float64), CPU),  # type: ignore[attr-defined]
-    ]
-    assert len(set(keys)) == len(keys)
-
-
-def test_the_key_changes_with_a_version_and_the_slot_does_not(monkeypatch: pytest.MonkeyPatch) -> None:
-    @compiled
-    def kernel(value: float) -> float:
-        return value
-
-    before, slot = _key(kernel), slot_of((float64,), CPU)
-    for library in ("numba", "llvmlite", "numpy", f"{sys.version_info.major}.{sys.version_info.minor}"):
-        assert library in kernel_key.versions()
-    monkeypatch.setattr(kernel_key, "versions", lambda: "numba 99")
-    assert _key(kernel) != before
-    assert slot_of((float64,), CPU) == slot
-
-
 def test_the_key_of_every_kernel_covers_all_it_uses() -> None:
     kernels = [
         (name, value)
@@ -173,27 +143,6 @@ def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     chosen = [tmp_path / "installation" / "__pycache__", tmp_path / "home" / "kernels"]
     monkeypatch.setattr(compiler, "kernel_folders", lambda: chosen)
     return chosen
-
-
-def test_a_truncated_or_changed_file_is_not_used_and_is_replaced(folders: list[Path]) -> None:
-    store("walk-float-1", "walk-float", CODE)
-    file = folders[0] / "walk-float-1.kernel"
-    whole = file.read_bytes()
-    for length in (0, 1, 31, 32, 33, len(whole) - 1):
-        file.write_bytes(whole[:length])
-        assert stored(folders[0], "walk-float-1") is None
-    for place in (0, 32, len(whole) - 1):
-        file.write_bytes(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
-        assert stored(folders[0], "walk-float-1") is None
-    store("walk-float-1", "walk-float", CODE)
-    assert stored(folders[0], "walk-float-1") == CODE
-
-
-def test_the_error_names_each_folder_and_its_reason(folders: list[Path]) -> None:
-    for folder in folders:
-        folder.parent.write_text("not a folder")
-    reason = store("walk-float-1", "walk-float", CODE)
-    assert reason == f"{folders[0]}: Not a directory; {folders[1]}: Not a directory"
 
 
 def test_a_full_disk_is_named_and_leaves_no_part(folders: list[Path], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -236,24 +185,6 @@ def test_a_part_is_called_by_kernels_and_refuses_calls_by_python() -> None:
     assert _sum_of_halves(np.array([1.0, 2.0])) == 1.5
     with pytest.raises(TypeError, match="_half can be called by kernels only"):
         _half(3.0)
-
-
-@compiled
-def _count_until(flag: FloatArray, count: FloatArray, most: float) -> None:
-    while count[0] < most and flag[0] == 0.0:
-        count[0] += 1.0
-
-
-def test_other_threads_run_while_a_kernel_runs() -> None:
-    flag, count, most = np.zeros(1), np.zeros(1), 1e9
-    _count_until(flag, count, 1.0)
-    thread = threading.Thread(target=_count_until, args=(flag, count, most))
-    thread.start()
-    while count[0] <= 1.0:
-        time.sleep(0.001)
-    flag[0] = 1.0
-    thread.join()
-    assert count[0] < most
 
 
 # Parts on several cores.

@@ -342,14 +342,6 @@ def test_no_millimetre_decides_between_the_wall_and_silence() -> None:
         assert max(abs(b - a) for a, b in itertools.pairwise(levels)) < 2.5
 
 
-def levels(paths: Paths) -> np.ndarray:
-    """Return the length, gain and phase of all paths over -50 dB, shortest and loudest first."""
-    loud = np.flatnonzero(paths.gains > 10 ** (-50 / 20))
-    turns = np.exp(1j * paths.phases[loud])
-    rows = np.column_stack((np.round(paths.lengths[loud], 7), paths.gains[loud], turns.real, turns.imag))
-    return rows[np.lexsort((np.round(rows[:, 1], 6), rows[:, 0]))]
-
-
 # Limits that hold before memory is allocated.
 
 

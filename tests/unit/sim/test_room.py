@@ -3,7 +3,6 @@
 import copy
 import math
 import pickle
-import re
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from pathlib import Path
@@ -14,26 +13,22 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sonarhw_sim import check
-from sonarhw_sim.air import Air, Receiver
+from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.check import check_room, plan_findings, reason_for_silence
-from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.room.room import (
     Place,
     Room,
     facets_of,
     load_room,
     parse_room,
-    place_doubts,
     room_names,
 )
 from sonarhw_sim.room.room import with_material as with_one_material
 from sonarhw_sim.room.room_arrays import room_from_arrays
-from sonarhw_sim.room.room_writing import materials, save_room, with_air, with_material, with_place
+from sonarhw_sim.room.room_writing import materials, with_air, with_place
 from sonarhw_sim.room.room_writing import with_material as with_written_material
 
-import sonarhw
-from sonarhw.errors import InputError
 from tests.checkout import CHECKOUT
 
 SQUARE = [[0, 0], [4, 0], [4, 3], [0, 3]]
@@ -110,12 +105,6 @@ def test_rooms_are_values() -> None:
 ROOMS = sorted((CHECKOUT / "rooms").glob("*.toml"))
 
 
-SIMPLE_FILE = next(path for path in ROOMS if path.stem == "simple")
-
-
-NAMES = st.text(st.characters(exclude_categories=["Cs", "Cc"]), min_size=1, max_size=12)
-
-
 SHARES = st.floats(0, 1)
 
 
@@ -154,34 +143,6 @@ def test_every_example_room_reads_back_as_changed(
     assert_same_rooms(changed, room, but=("air", "places"))
     assert {**changed.places, **room.places} == changed.places
     assert comments(changed.text) == comments(room.text)
-
-
-@settings(max_examples=20, deadline=None)
-@given(name=NAMES, reflectance=SHARES, scatter=SHARES)
-def test_a_material_of_any_name_reads_back(name: str, reflectance: float, scatter: float) -> None:
-    room = with_material(load_room(SIMPLE_FILE), name, reflectance, scatter)
-    one_wall = f'\n[[walls]]\nname = "more"\npoints = [[5.0, 5.0], [6.0, 5.0]]\nmaterial = {_quoted(name)}\n'
-    more = parse_room(room.text + one_wall, "with a wall of it")
-    assert more.materials[-1] == name
-    power = more.reflectances[-1] ** 2 + more.scattered[-1] ** 2
-    assert power == pytest.approx(reflectance**2, rel=1e-12)
-
-
-def test_a_saved_room_loads_and_existing_files_are_not_overwritten(tmp_path: Path) -> None:
-    file = tmp_path / "mine.toml"
-    room = with_air(load_room(SIMPLE_FILE), Air(temperature_c=3.0))
-    save_room(room, file)
-    assert_same_rooms(load_room(file), room)
-    other = replace(room, text="name = 'other'")
-    with pytest.raises(InputError, match=r"mine\.toml: exists already"):
-        save_room(other, file)
-    assert_same_rooms(load_room(file), room)
-    save_room(with_air(room, Air(temperature_c=4.0)), file, overwrite=True)
-    assert load_room(file).air.temperature_c == 4.0
-
-
-def _quoted(name: str) -> str:
-    return '"' + name.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
 # Tables of reflectances.
@@ -259,35 +220,6 @@ def test_a_new_reflectance_replaces_the_table_and_a_new_scatter_keeps_it() -> No
 # The rooms of the documents.
 
 
-SHELL = """
-[materials.wood]
-reflectance = 0.95
-[[walls]]
-name = "room"
-points = [[0.0, 0.0], [4.0, 0.0], [4.0, 3.0], [0.0, 3.0]]
-closed = true
-material = "wood"
-"""
-
-
-BLOCKS = re.findall(r"```toml\n(.*?)```", (CHECKOUT / "docs/how_to/rooms.md").read_text(), flags=re.DOTALL)
-
-
-@pytest.mark.parametrize(
-    ("place", "range_m"),
-    [
-        ("below", 3.0 - 2.15 - 0.03),  # the near side of the leg
-        ("level", 3.0 - 2.2),  # the edge of the top
-    ],
-)
-def test_the_first_echo_comes_from_the_leg_or_the_top(place: str, range_m: float) -> None:
-    _, table = BLOCKS
-    room = parse_room(f'name = "Table"\n{SHELL}{table}', "table.toml")
-    options = PredictionOptions(receiver=Receiver.FIRST_ECHO)
-    scan = sonarhw.predict(room, place, headings=math.pi, options=options)
-    assert scan.ranges[0] == pytest.approx(range_m, abs=1e-6)
-
-
 # Probable mistakes.
 
 
@@ -315,10 +247,6 @@ WALL = '[[walls]]\nname = "v"\nmaterial = "m"\npoints = '
 
 def lines(text: str) -> list[str]:
     return [finding.line for finding in check_room(parse_room(text, "own.toml"), load_board("polaroid-6500"))]
-
-
-def test_a_room_without_mistakes_has_no_findings() -> None:
-    assert lines(BOX) == []
 
 
 @pytest.mark.parametrize("name", sorted(set(room_names()) - {"figure2a"}))
@@ -433,14 +361,6 @@ def drawn(*chains: Points, place: tuple[float, float] | None = (1.0, 1.4), more:
     return parse_room(room_text(*chains, place=place, more=more), "drawn")
 
 
-@pytest.mark.parametrize("pillar", [circle(12), circle(64), circle(64)[::-1]], ids=["12", "64", "clockwise"])
-def test_a_pillar_of_many_walls_is_a_circle_with_centre_and_radius(pillar: Points) -> None:
-    (found,) = facets_of(drawn(RECTANGLE, pillar))
-    assert found.walls == range(4, 4 + len(pillar))
-    assert found.middle == pytest.approx(MIDDLE)
-    assert found.radius == pytest.approx(RADIUS)
-
-
 STAR = [point for k in range(16) for point in (circle(32, 0.2)[2 * k], circle(32, 0.15)[2 * k + 1])]
 
 
@@ -465,29 +385,4 @@ def test_other_chains_are_not_circles(chains: Sequence[Points]) -> None:
     assert facets_of(drawn(*chains)) == ()
 
 
-def test_a_circle_round_a_place_is_a_round_room() -> None:
-    tower, building = circle(64, 1.0), RECTANGLE
-    assert facets_of(drawn(building, tower, place=(2.1, 1.4))) == ()
-    assert len(facets_of(drawn(building, tower, place=(0.5, 0.5)))) == 1
-
-
 # Places where no scanner can be.
-
-
-@pytest.mark.parametrize(
-    ("position", "doubts"),
-    [
-        ((2.0, 1.2), ()),
-        ((2.8, 1.1), ()),  # beside the crate
-        (
-            (2.8, 0.7),
-            ("place '2.8,0.7' at 2.8, 0.7 m is inside the object of walls 'v[0]' to 'v[3]' of room 'box'",),
-        ),
-        ((5.0, 2.0), ("place '5,2' at 5, 2 m is outside room 'box'",)),
-    ],
-)
-def test_a_place_outside_the_room_or_inside_a_box_is_doubted(
-    position: tuple[float, float], doubts: tuple[str, ...]
-) -> None:
-    room = parse_room(BOX + CRATE, "box.toml")
-    assert place_doubts(room, room.place(position)) == doubts

@@ -14,12 +14,10 @@ from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.board.signal import RATE, Arrivals, burst_of, pulses
 from sonarhw_sim.predict.predicted_scan import (
     PredictedScan,
-    with_first_echoes,
-    with_scattered_sound,
 )
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, search_for, weigh_paths
 from sonarhw_sim.rays.paths import PATCH, Paths, PathSearch, find_paths, scattered_paths
-from sonarhw_sim.room.room import Place, Room, load_room, parse_room
+from sonarhw_sim.room.room import Place, Room, parse_room
 from sonarhw_sim.space.levels import rough_level_paths
 
 WAVELENGTH = 0.00696
@@ -302,17 +300,3 @@ def test_a_grain_is_a_function_of_its_seed() -> None:
     one, same, other = (predict_scan(WALL, HERE, BOARD, headings, PredictionOptions(grain=seed)) for seed in (1, 1, 2))
     assert one.ranges.tolist() == same.ranges.tolist() != other.ranges.tolist()
     assert other.paths.scattered[other.winners].mean() > 0.5
-
-
-@pytest.mark.parametrize("receiver", list(Receiver))
-def test_headings_away_from_rough_surfaces_are_computed_together_with_equal_results(receiver: Receiver) -> None:
-    room, headings = load_room("rooms/doorstep.toml"), np.radians(np.arange(0.0, 360.0, 9.0))
-    scan = predict_scan(room, room.place("plan"), BOARD, headings, PredictionOptions(receiver=receiver))
-    assert 0 < len(with_scattered_sound(scan)) < len(headings) / 2
-    if receiver is Receiver.FIRST_ECHO:
-        assert with_first_echoes(scan).winners.tolist() == scan.winners.tolist()
-        return
-    for k in range(len(headings)):
-        alone = scan.ping(k).first_detected()
-        assert alone.winner == scan.winners[k]
-        assert float(alone.times[0]) * room.air.speed_of_sound / 2 == pytest.approx(scan.distances[k], abs=1e-4)

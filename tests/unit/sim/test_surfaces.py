@@ -1,7 +1,6 @@
 """Grid, edges and enclosures of a room equal those of a search among all walls, also where walls crowd at one spot."""
 
 import math
-from dataclasses import fields, replace
 from fractions import Fraction
 from itertools import combinations
 
@@ -10,13 +9,12 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from sonarhw_sim.rays.fan import distance_to, first_hit
-from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
+from sonarhw_sim.rays.paths import PathSearch
 from sonarhw_sim.rays.sequences import leg_is_free
 from sonarhw_sim.room import edges
 from sonarhw_sim.room.edges import edges_on_walls, find_edges
 from sonarhw_sim.room.grid import lay_grid
 from sonarhw_sim.room.room import (
-    Enclosures,
     Room,
     find_enclosures,
     load_room,
@@ -26,7 +24,7 @@ from sonarhw_sim.room.room import (
 
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
-from tests.fixtures.rooms_for_tests import polygon_room, room_of, star_room
+from tests.fixtures.rooms_for_tests import polygon_room, room_of
 
 Wedge = tuple[float, float, float, str]  # x and y of its vertex, m, opening, rad, and name
 
@@ -120,18 +118,6 @@ def test_edges_equal_those_of_a_search_without_grid(drawn: list[tuple[float, ...
         assert set(listing.numbers[listing.starts[k] : listing.starts[k + 1]].tolist()) == on
 
 
-def test_a_chain_of_thousands_has_an_edge_at_every_corner() -> None:
-    turns = np.arange(3000) * (math.tau / 3000)
-    corners = np.column_stack((np.cos(turns), np.sin(turns)))
-    walls = np.hstack((corners, np.roll(corners, -1, axis=0)))
-    edges = find_edges(walls, names_of(walls))
-    outside, inside = edges.openings > math.pi, edges.openings < math.pi
-    assert outside.sum() == inside.sum() == 3000
-    assert {name for name, out in zip(edges.names, outside, strict=True) if out} == {
-        f"w{min(k, (k + 1) % 3000)}/w{max(k, (k + 1) % 3000)}" for k in range(3000)
-    }
-
-
 # The grid.
 
 
@@ -193,28 +179,10 @@ def test_a_leg_exactly_through_the_corner_of_two_walls_is_not_free() -> None:
         assert not leg_is_free(*leg, lay_grid(turned, np.empty((0, 3))))
 
 
-@pytest.mark.parametrize("place", [(-3.0, 1.0), (1.0, 9.0), (40.0, 40.0)])
-def test_rays_from_outside_enter_the_grid(place: tuple[float, float]) -> None:
-    surfaces = room_of([(0, 0, 2, 0), (2, 0, 2, 2), (2, 2, 0, 2), (0, 2, 0, 0)]).surfaces
-    towards = math.atan2(1.0 - place[1], 1.0 - place[0])
-    distance, surface = first_hit(*place, math.cos(towards), math.sin(towards), -1, surfaces)
-    assert surface >= 0
-    assert math.dist(place, (1.0, 1.0)) - distance <= math.sqrt(2) + 1e-9
-
-
 # Enclosures.
 
 
 SEARCH = PathSearch(8.0, 0.00696, 6)
-
-
-CRATE = """
-[[walls]]
-name = "box"
-points = [[0.2, 0.3], [0.6, 0.3], [0.6, 0.5], [0.2, 0.5]]
-closed = true
-material = "hard"
-"""
 
 
 def separated_from(room: Room, x: float, y: float) -> set[str]:
@@ -226,31 +194,6 @@ def test_open_chain_separates_no_edges() -> None:
     gap = polygon_room([(-1.0, -1.0), (1.5, -1.0), (1.5, 1.2), (-1.0, 1.2)], closed=False)
     assert len(find_enclosures(gap.walls, gap.edges).starts) == 0
     assert separated_from(gap, 0.0, 0.0) == set()
-
-
-def without_enclosures(room: Room) -> Room:
-    blind = replace(room)
-    nothing = np.empty(0, np.intp)
-    blind.__dict__["enclosures"] = Enclosures(
-        np.empty((0, 4)), nothing, nothing, nothing, np.empty(0, np.bool_), len(room.edges)
-    )
-    return blind
-
-
-def assert_same_paths(one: Paths, other: Paths) -> None:
-    for column in fields(Paths):
-        np.testing.assert_array_equal(getattr(one, column.name), getattr(other, column.name))
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_paths_are_the_same_without_enclosures(seed: int) -> None:
-    room = star_room(seed, 7, convex=False)
-    assert len(room.edges) > 0
-    random = np.random.default_rng(seed)
-    for distance in (0.3, 4.0):
-        angle = random.uniform(0, math.tau)
-        position = distance * math.cos(angle), distance * math.sin(angle)
-        assert_same_paths(find_paths(room, position, SEARCH), find_paths(without_enclosures(room), position, SEARCH))
 
 
 @pytest.mark.parametrize(
@@ -290,33 +233,7 @@ def test_the_arena_whose_walls_meet_in_mid_wall_has_an_outside() -> None:
 WALLS = [[-5.0, -5.0, 5.0, -5.0], [-5.0, 5.0, 5.0, 5.0]]
 
 
-POSTS = [(0.0, 0.0, 1.0), (0.5, 0.0, 1.0), (3.0, 3.0, 0.5)]
-
-
-@pytest.mark.parametrize(
-    ("point", "names"),
-    [
-        ((0.2, 0.1), ("p0", "p1")),
-        ((-0.7, 0.0), ("p0",)),
-        ((3.2, 3.1), ("p2",)),
-        ((0.0, -1.0), ("p0",)),  # on the circle
-        ((0.0, -1.001), ()),
-        ((2.0, 2.0), ()),
-    ],
-)
-def test_posts_at_a_point_are_those_that_contain_it(point: tuple[float, float], names: tuple[str, ...]) -> None:
-    room = room_of(WALLS, POSTS)
-    assert tuple(room.names[surface] for surface in room.posts_at(point)) == names
-
-
 # Walls that crowd at one spot.
-
-
-def star(count: int, length: float = 5.0) -> FloatArray:
-    """Walls from one point, in a large room."""
-    angles = np.arange(count) * math.tau / count
-    walls = np.column_stack((np.zeros((count, 2)), length * np.cos(angles), length * np.sin(angles)))
-    return np.vstack((walls, [(-50, -50, 50, -50), (50, 50, -50, 50)]))
 
 
 def overlapping(count: int) -> str:

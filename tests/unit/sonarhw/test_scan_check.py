@@ -34,7 +34,6 @@ RANDOM = np.random.default_rng(1)
 THIRD = RANDOM.random(len(HEADINGS)) < 1 / 3
 SIDE = np.arange(0.0, 180.0, 6.0)  # a sweep of a servo
 BACK = scan(SIDE, box(SIDE)) + scan(SIDE, box(SIDE)[::-1], sweep=1)
-WALL = np.clip(box(HEADINGS), 0, 1.5)
 
 
 @pytest.mark.parametrize(

@@ -7,11 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from sonarhw import Scanner
 from sonarhw.device.fake_board import BoardIdentity, FakeBoard, Wires, WiringFault
 from sonarhw.device.served import serve
 from sonarhw.log import read_log
-from sonarhw.wire.messages import Wiring
 from tests.fixtures.commands import sonarhw
 from tests.fixtures.plain_echoes import PlainEchoes
 
@@ -58,15 +56,6 @@ def test_one_switch_homes_without_a_cam_and_limits_the_scan(tmp_path: Path) -> N
         assert "the cam never changed" in sonarhw("home", url).stderr
 
 
-def test_the_limits_of_an_open_connection_follow_the_number_of_switches() -> None:
-    with served() as (_, url), Scanner.open(url) as scanner:
-        for switches, limit in (Wiring.ONE_SWITCH, 175), (Wiring(0), 720):
-            scanner.configure_wiring(Wiring.ONE_SWITCH, switches)
-            able = scanner.info.capabilities
-            assert able is not None
-            assert math.degrees(able.highest_angle) == pytest.approx(limit)
-
-
 @pytest.mark.parametrize(("fault", "sign"), [(WiringFault(0), 1), (WiringFault.MOTOR_REVERSED, -1)])
 def test_a_jog_shows_the_direction_of_the_motor(fault: WiringFault, sign: int) -> None:
     with served(fault) as (board, url):
@@ -74,12 +63,3 @@ def test_a_jog_shows_the_direction_of_the_motor(fault: WiringFault, sign: int) -
         done = sonarhw("turn", url, "--jog", "5")
         assert (done.returncode, done.stderr) == (0, f"{url}: turned by 5.0°\n")
         assert math.degrees(board._turntable.true_angle(1e9) - before) == pytest.approx(5 * sign)
-
-
-@pytest.mark.parametrize("arguments", [("wiring",), ("turn", "--jog", "5")])
-def test_older_firmware_is_named(arguments: tuple[str, ...]) -> None:
-    with served(minor=1) as (_, url):
-        done = sonarhw(arguments[0], url, *arguments[1:])
-    assert done.returncode == 1
-    assert "its firmware uses protocol 1.1" in done.stderr
-    assert done.stderr.count("\n") == 1

@@ -1,6 +1,5 @@
 """`sonarhw calibrate` with a served board: the written profile is valid and has the simulated offset and angle."""
 
-import json
 import math
 from pathlib import Path
 
@@ -13,7 +12,6 @@ from sonarhw_sim.predict.room_echoes import plate_echo
 from sonarhw.device.fake_board import FakeBoard
 from sonarhw.device.served import serve
 from sonarhw.readings import speed_of_sound
-from tests.checkout import CHECKOUT
 from tests.fixtures.plate import Plate
 
 DISTANCE = 1.25
@@ -57,31 +55,6 @@ def test_the_profile_contains_offset_and_home_angle_of_the_plate(
     again = tmp_path / "again.toml"
     assert calibrated(again, "--board", str(out)) == 0
     assert load_board(str(again)).range_offset == pytest.approx(profile.range_offset, abs=1e-5)
-
-
-def test_a_missing_plate_gives_an_error_and_no_profile(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    out = tmp_path / "bench.toml"
-    assert calibrated(out, "--distance", "3.0") == 1
-    error = capsys.readouterr().err
-    assert "the plate is detected at 0 headings" in error
-    assert f"with a median of {DISTANCE:.1f}" in error
-    assert not out.exists()
-
-
-def test_offset_and_home_angle_are_used_by_the_prediction(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    room = str(CHECKOUT / "rooms" / "simple.toml")
-    profile, log = tmp_path / "bench.toml", tmp_path / "scan.mcap"
-    profile.write_text(f"{load_board('polaroid-6500').text}\nrange_offset = 0.01\nhome_angle_deg = 30.0\n")
-    ranges = []
-    for board in ("polaroid-6500", str(profile)):
-        assert run(["simulate", room, "--place", "figure7", "--step", "90", "--board", board]) == 0
-        ranges.append([float(line.split(",")[1]) for line in capsys.readouterr().out.splitlines()[1:]])
-    assert ranges[1] == pytest.approx([value + 0.01 for value in ranges[0]], abs=1e-8)
-    assert run(["simulate", room, "--place", "figure7", "--out", str(log)]) == 0
-    capsys.readouterr()
-    for board, heading in (("polaroid-6500", 0.0), (str(profile), 30.0)):
-        assert run(["compare", str(log), "--room", room, "--place", "figure7", "--board", board, "--json"]) == 0
-        assert json.loads(capsys.readouterr().out)["heading_deg"] == pytest.approx(heading)
 
 
 ROOM = """

@@ -65,15 +65,6 @@ def test_report_fits_like_compare_and_shows_the_temperature_of_the_ranges(tmp_pa
     assert f"<td>thermometer</td><td>{measured:.1f} °C</td>" in text
 
 
-def test_the_picture_is_shaded_if_the_profile_has_a_spread(log: Path, tmp_path: Path) -> None:
-    paper = Path("sim/sonarhw_sim/board/shipped/paper.toml").read_text()
-    board, plot = tmp_path / "mine.toml", tmp_path / "plot.svg"
-    for spread, options, shades in (("", (), 0), ("threshold_sd_db = 3.0\n", (), 1), ("", ("--model", "cone"), 0)):
-        board.write_text(paper + spread)
-        printed("compare", log, *IN_ROOM, "--board", board, *options, "--plot", plot, "--force")
-        assert plot.read_text().count("<!-- probability of a range -->") == shades
-
-
 def test_a_post_is_nearer_than_what_was_behind_it(tmp_path: Path) -> None:
     (tmp_path / "with_post.toml").write_text(SIMPLE_ROOM.read_text() + POST)
     before, after, table = (tmp_path / name for name in ("before.mcap", "after.mcap", "differences.csv"))

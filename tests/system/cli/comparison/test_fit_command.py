@@ -42,26 +42,6 @@ def test_json_contains_the_pose_its_interval_and_units(log: str, capsys: pytest.
     assert abs((heading["value"] + 180) % 360 - 180) < 1
 
 
-def test_a_prior_bounds_its_parameter(log: str, capsys: pytest.CaptureFixture[str]) -> None:
-    prior = ["--prior", "x=1.30..1.37", "--free", "x,heading"]
-    assert run(["fit", log, "--place", "p3", "--json", *QUICKLY, *prior]) == 0
-    figures = json.loads(capsys.readouterr().out)
-    assert 1.30 <= figures["estimates"]["x"]["value"] <= 1.37
-    assert "x is at its bound, 1.37 m" in figures["warnings"]
-
-
-def test_two_logs_share_an_offset_and_have_separate_places(
-    log: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    other = tmp_path / "p2.mcap"
-    assert run([*SIMULATE, "--place", "p2", "--out", str(other)]) == 0
-    free = ["--free", "x,offset", "--place", "p3", "--place", "p2"]
-    assert run(["fit", log, str(other), "--json", *QUICKLY, *free]) == 0
-    estimates = json.loads(capsys.readouterr().out)["estimates"]
-    assert list(estimates) == ["x@p3", "x@p2", "offset"]
-    assert estimates["x@p2"]["value"] == pytest.approx(1.80, abs=0.003)
-
-
 def test_fitted_room_and_board_are_written_and_comments_kept(tmp_path: Path) -> None:
     log = str(tmp_path / "p3.mcap")  # of a board that hears faint echoes, which show its threshold
     # to 4 m, which limits the number of paths
@@ -115,12 +95,6 @@ def test_values_that_a_scan_hardly_constrains_stay_as_they_were_in_the_files(tmp
     assert "#   reflectance:carpet 0.7000: kept, the scans hardly constrain it\n" in text
     assert "[materials.carpet]\nreflectance = 0.7\n" in text
     assert "fitted ±" in Path(mine).read_text(encoding="utf-8")
-
-
-def test_a_profile_names_the_values_that_it_keeps() -> None:
-    text = fitted_board(load_board("lego-nxt"), {Parameter(OFFSET): 0.01}, "mine", unconstrained=["threshold"]).text
-    assert "# Kept, the scans hardly constrain it: threshold.\n" in text
-    assert "threshold_db = -17.5  # tuned" in text
 
 
 def test_a_fitted_profile_does_not_call_fitted_values_tuned() -> None:

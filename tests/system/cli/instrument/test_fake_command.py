@@ -48,16 +48,6 @@ def test_a_scan_of_a_fake_with_faults_is_complete_and_reports_the_losses(tmp_pat
     assert [reading.number for reading in read_log(log).readings] == list(range(12))
 
 
-def test_a_fake_url_is_a_scanner_in_the_same_process(tmp_path: Path) -> None:
-    again = []
-    for name in ("first", "second"):
-        log = tmp_path / f"{name}.mcap"
-        done = sonarhw("scan", f"fake:{SIMPLE_ROOM}?place=figure9&seed=3&pace=max", "--out", log, "--step", "45")
-        assert (done.returncode, len(done.stderr.splitlines())) == (0, 1)
-        again.append([reading.echo_times for reading in read_log(log).readings])
-    assert again[0] == again[1]  # the noise depends on the seed only
-
-
 def test_info_as_json_has_the_documented_keys(url: str) -> None:
     found = printed_json("info", url)
     facts = {"url": url, "origin": "fake", "serial": "FAKE-0002", "protocol": "1.2", "temperature_c": 21.3, "starts": 1}

@@ -64,27 +64,6 @@ def test_the_plain_port_of_a_device_that_prints_text_says_how_to_find_its_url(
         Scanner.open(device.port)
 
 
-@pytest.mark.parametrize("option", ["--from", "--to", "--step", "--pings", "--traces"])
-def test_what_the_device_cannot_obey_is_refused(
-    option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    value = [] if option == "--traces" else ["5"]
-    log = tmp_path / "scan.mcap"
-    assert run(["scan", "lines:/dev/ttyUSB9?preset=csv", "--out", str(log), option, *value]) == 2
-    assert capsys.readouterr().err == (
-        f"sonarhw: {option}: this device turns and measures by itself; remove the option, "
-        "and end the scan with --sweeps N\n"
-    )
-    assert not log.exists()
-
-
-@pytest.mark.parametrize("command", [["home"], ["turn"], ["stop"]])
-def test_commands_that_need_the_protocol_are_refused(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    angle = ["5"] if command == ["turn"] else []
-    assert run([*command, "lines:/dev/ttyUSB9?preset=csv", *angle]) == 2
-    assert "`sonarhw scan` records its readings" in capsys.readouterr().err
-
-
 def test_monitor_prints_bytes_and_readings_until_it_is_interrupted() -> None:
     with (
         PrintingDevice(RADAR.rounds()) as device,

@@ -1,19 +1,12 @@
 """`sonarhw log` and `sonarhw replay`: torn and damaged logs, arrays, documented keys, and a replay over TCP."""
 
 import signal
-from collections.abc import Mapping
-from functools import partial
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 import pytest
-from sonarhw_gui.jobs.files import save_file, write_data
-from sonarhw_gui.model.scene import scene_with
-from sonarhw_sim.board.profile import load_board
 
-from sonarhw import export
-from sonarhw.log import Log, read_log
+from sonarhw.log import read_log
 from tests.fixtures.commands import end, lines, printed, printed_json, sonarhw, started
 from tests.fixtures.example_logs import assert_readings_close, example_reading, write_example
 from tests.reference_pages import keys_in_reference, section
@@ -111,19 +104,6 @@ def test_info_as_json_has_the_documented_keys(log: Path) -> None:
     assert set(found) == keys_in_reference(heading)
     described = section("command_line.md", heading)
     assert [key for key in (*found["scans"][0], *found["device"]) if f"`{key}`" not in described] == []
-
-
-def test_a_format_is_added_in_one_place(log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def write_count(log: Log, file: BinaryIO, notes: Mapping[int, str]) -> None:
-        file.write(str(len(log.readings)).encode())
-
-    added = (*export.FORMATS, export.ExportFormat(".count", "How many readings", write_count))
-    monkeypatch.setattr(export, "FORMATS", added)
-    printed("log", "export", log, "--out", tmp_path / "command.count")
-    endings = export.export_suffixes()
-    write = partial(write_data, log, scene_with(load_board("polaroid-6500")), (), ".count")
-    save_file(write, endings, tmp_path / "window.count", overwrite=False)
-    assert (tmp_path / "command.count").read_text() == (tmp_path / "window.count").read_text() == "4"
 
 
 def test_a_scan_of_a_replay_over_tcp_equals_the_log(log: Path, tmp_path: Path) -> None:

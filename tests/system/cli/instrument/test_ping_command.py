@@ -7,12 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from sonarhw.device.fake_board import BoardIdentity, FakeBoard
-from sonarhw.device.served import serve
+from sonarhw.device.fake_board import FakeBoard
 from sonarhw.log import read_log
 from sonarhw.wire.messages import Zero
 from tests.fixtures.commands import end, lines, sonarhw, started
-from tests.fixtures.plain_echoes import PlainEchoes, echo_time
+from tests.fixtures.plain_echoes import echo_time
 
 SPEED = 344.5  # m/s, of humid air at the thermometer's 21.3 °C
 
@@ -46,14 +45,6 @@ def test_ctrl_c_ends_pings_without_a_count_and_closes_the_log(url: str, log: Pat
     assert status == 130
     assert re.fullmatch(rf"\d+ readings, \d+ with an echo, in {re.escape(str(log))}\n", said)
     assert read_log(log).torn is None
-
-
-def test_a_board_of_an_older_protocol_is_refused_in_one_line() -> None:
-    with serve(FakeBoard(PlainEchoes(), identity=BoardIdentity(minor=1)), tcp="127.0.0.1:0", pace="max") as endpoint:
-        done = sonarhw("ping", endpoint.url)
-    message = "its firmware uses protocol 1.1, a ping without homing needs 1.2; update its firmware\n"
-    assert (done.returncode, done.stdout, done.stderr.endswith(message)) == (1, "", True)
-    assert done.stderr.count("\n") == 1
 
 
 def test_a_scan_with_the_zero_here_starts_where_the_table_is(url: str, board: FakeBoard, log: Path) -> None:

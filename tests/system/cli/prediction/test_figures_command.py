@@ -27,13 +27,6 @@ def test_committed_page_is_what_the_command_writes(tmp_path: Path, capsys: pytes
     assert err == ""
 
 
-def test_committed_page_shows_every_picture_beside_it() -> None:
-    text = (COMMITTED / "figures.md").read_text()
-    shown = set(re.findall(r"!\[.*?\]\((.*?)\)", text))
-    assert shown == {file.name for file in COMMITTED.glob("*.png")}
-    assert all((COMMITTED / name).stat().st_size < 300_000 for name in shown)
-
-
 @pytest.mark.parametrize("exhibit", EXHIBITS, ids=lambda exhibit: exhibit.name)
 def test_axes_of_a_figure_are_labelled(exhibit: Exhibit) -> None:
     last = [axes for axes in exhibit.draw().axes if axes.get_xlabel()]

@@ -11,7 +11,7 @@ from sonarhw_sim.board.profile import load_board
 
 from sonarhw.log import read_log
 from sonarhw.readings import FloatArray
-from tests.fixtures.commands import SIMPLE_ROOM, printed, printed_json, sonarhw
+from tests.fixtures.commands import SIMPLE_ROOM, printed, printed_json
 
 FIGURE_9 = ("simulate", SIMPLE_ROOM, "--place", "figure9")
 NORTH = (*FIGURE_9, "--from", "90", "--to", "91")
@@ -112,26 +112,6 @@ def test_probabilities_add_up_to_1_at_each_heading(name: str, tmp_path: Path) ->
     if name == "lego-nxt":
         ranges = np.array([float(row["range_m"]) for row in rows(out) if row["range_m"]]) * 100
         assert ranges == pytest.approx(np.round(ranges), abs=1e-9)
-
-
-def test_without_any_spread_the_prediction_has_probability_1() -> None:
-    chosen = (*FIGURE_9, "--board", "paper", "--step", "30")
-    certain = rows(printed(*chosen))
-    done = sonarhw(*chosen, "--probability", "--room-tolerance", "0")
-    likely = [row for row in rows(done.stdout) if row["probability"] == "1"]
-    assert [(row["range_m"], row["via"]) for row in likely] == [(row["range_m"], row["via"]) for row in certain]
-    assert done.stderr.count("board profile 'paper' has no threshold_sd_db") == 1
-
-
-def test_seed_adds_random_errors_to_the_nearest_wall() -> None:
-    exact, first, again, other = (
-        [float(row["range_m"]) for row in rows(printed(*FIGURE_9, "--model", "nearest", "--step", "90", *seed))]
-        for seed in ((), ("--seed", "1"), ("--seed", "1"), ("--seed", "2"))
-    )
-    assert exact == pytest.approx([0.154, 0.657, 0.774, 0.085])
-    assert first == again != other
-    assert max(abs(a - b) for a, b in zip(exact, first, strict=True)) < 0.2
-    assert not any(math.isclose(a, b) for a, b in zip(exact, first, strict=True))
 
 
 @pytest.mark.parametrize(

@@ -1,16 +1,13 @@
 """The fake board beyond the protocol, which `tests/contract` tests: its echoes, its line, its age and its limits."""
 
-from dataclasses import replace
-
 import pytest
 
-from sonarhw.device.fake_board import BoardIdentity, FakeBoard, rearmed
+from sonarhw.device.fake_board import FakeBoard, rearmed
 from sonarhw.device.protocol import BACKLOG, Line
 from sonarhw.wire.frames import DELIMITER, Frame, encode_frame
 from sonarhw.wire.limits import RECEIVE_ROOM
 from sonarhw.wire.messages import (
     Accepted,
-    AskCapabilities,
     AskStatistics,
     Configure,
     Finished,
@@ -20,22 +17,16 @@ from sonarhw.wire.messages import (
     Info,
     Message,
     ReadingMessage,
-    Refusal,
-    Refused,
-    SetBaud,
     Settings,
     Started,
     StartScan,
     Statistics,
-    TestLink,
     Turn,
 )
 from tests.contract.talk import DirectLine, Talk, readings
-from tests.fixtures.plain_echoes import PlainEchoes, echo_time
+from tests.fixtures.plain_echoes import PlainEchoes
 
 ONE = StartScan(0, 1_000_000, 1, 1, 1)
-CONFIGURE = Configure(62_500, 2_380, 0, 343_200)
-FIRST = round(echo_time(0.0) * 1e9)  # ns; the second echo takes twice as long
 
 
 def talk_to(board: FakeBoard, minor: int = 2) -> Talk:
@@ -57,24 +48,6 @@ def talk(board: FakeBoard) -> Talk:
     talk = talk_to(board)
     talk.act(Home())
     return talk
-
-
-@pytest.mark.parametrize(
-    ("settings", "echoes"),
-    [
-        (CONFIGURE, [FIRST, 2 * FIRST]),
-        (replace(CONFIGURE, blanking_us=15_100), [2 * FIRST]),
-        (replace(CONFIGURE, listen_us=29_000), [FIRST]),
-        (replace(CONFIGURE, listen_us=29_000, blanking_us=15_100), []),
-        (replace(CONFIGURE, echoes=1), [FIRST]),
-        (replace(CONFIGURE, rearm_us=20_000), [FIRST]),
-    ],
-    ids=str,
-)
-def test_the_settings_decide_which_echoes_are_reported(talk: Talk, settings: Configure, echoes: list[int]) -> None:
-    talk.ask(settings, Settings)
-    (reading,) = readings(talk.act(ONE)[1])
-    assert [*reading.echoes] == echoes
 
 
 def test_rearming_drops_echoes_too_soon_after_a_detected_echo() -> None:
@@ -116,20 +89,6 @@ def test_a_board_whose_receivers_are_not_ready_homes_and_turns_but_delays_its_pi
     ready = True
     talk.until(lambda received: len(readings(received)) == 1)
     assert talk.clock() < 12
-
-
-def test_old_firmware_refuses_unknown_commands_and_sends_no_new_messages() -> None:
-    talk = talk_to(FakeBoard(PlainEchoes(), seed=7, identity=BoardIdentity(minor=0)))
-    info = talk.ask(Hello(1, 2), Info)
-    assert (info.minor, info.boot) == (0, 0)
-    for message in (AskCapabilities(), AskStatistics(), TestLink(1, b"a"), SetBaud(1_000_000)):
-        assert talk.ask(message, Refused).code == Refusal.UNKNOWN
-    talk.ask(Home(), Accepted)
-    talk.quiet(3.0)
-    talk.ask(StartScan(0, 1_000_000, 4, 1, 1, 2, 1), Started)
-    sent = talk.quiet(3.0)
-    assert [reading.number for reading in readings(sent)] == [0, 1, 2, 3]
-    assert {(beat.boot, beat.homed) for beat in sent if isinstance(beat, Heartbeat)} == {(0, 0)}
 
 
 def test_while_it_listens_it_answers_nothing_and_keeps_as_many_bytes_as_documented(talk: Talk) -> None:

@@ -11,14 +11,12 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
 from sonarhw.errors import LogError, SonarError
-from sonarhw.host.scripts import configuring
 from sonarhw.log import LogWriter, copy_log, read_log
 from sonarhw.log.writer import write_scan
 from sonarhw.readings import Reading, Trace
-from sonarhw.wire.frames import Frame, decode_block, encode_frame
-from sonarhw.wire.messages import Configure, Message, ReadingMessage, StartScan
+from sonarhw.wire.frames import Frame, encode_frame
+from sonarhw.wire.messages import Message
 from sonarhw.wire.readings_of_frames import reading_message
-from tests.fixtures.bench import Bench, without
 from tests.fixtures.example_logs import METADATA, SPEED, STARTED, assert_readings_close, example_reading, write_example
 
 
@@ -77,26 +75,6 @@ def test_a_reading_with_an_absurd_time_does_not_end_a_recording(time: float, tmp
     assert read_log(tmp_path / "scan.mcap").torn is None
 
 
-def test_frames_of_an_encoded_scan_have_the_times_of_a_device(tmp_path: Path) -> None:
-    """A reading is sent when listening ends, and never before an earlier one. Frames are numbered."""
-    times = [0.5, 0.6, 0.8, 0.7]
-    readings = [replace(example_reading(number), time=time) for number, time in enumerate(times)]
-    write_scan(tmp_path / "scan.mcap", METADATA, readings)
-    log = read_log(tmp_path / "scan.mcap")
-    assert log.settings is not None
-    listen = log.settings.listen_us * 1e-6
-    assert listen > 0
-    frames = [decode_block(frame.wire[:-1]) for frame in log.frames]
-    assert [frame.sequence for frame in frames if isinstance(frame, Frame)] == [*range(len(frames))]
-    sent = [(frame.time - STARTED, decode_block(frame.wire[:-1])) for frame in log.frames]
-    of_readings = [time for time, frame in sent if isinstance(frame, Frame) and frame.type == ReadingMessage.TYPE]
-    # the scan begins with its first reading
-    assert of_readings == pytest.approx([listen, 0.1 + listen, 0.3 + listen, 0.3 + listen], abs=1e-5)
-    assert [time for time, frame in sent if isinstance(frame, Frame)] == pytest.approx(
-        [frame.time_us * 1e-6 for _, frame in sent if isinstance(frame, Frame)], abs=1e-5
-    )
-
-
 def test_each_trace_is_a_decoded_message_of_its_own(tmp_path: Path) -> None:
     path = tmp_path / "scan.mcap"
     samples = np.array([0.0, 1.0, np.nan, 0.5, np.nan])
@@ -153,13 +131,6 @@ def test_a_viewer_finds_the_sensor_of_a_sweep_at_its_pose(tmp_path: Path) -> Non
         assert record["timestamp"]["sec"] == message.log_time // 10**9
 
 
-def test_a_log_returns_its_metadata(tmp_path: Path) -> None:
-    metadata = replace(METADATA, room_text='name = "Röhre"\n# ümläut\n', place="Ω")
-    with LogWriter(tmp_path / "scan.mcap", metadata):
-        pass
-    assert read_log(tmp_path / "scan.mcap").metadata == metadata
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -191,14 +162,6 @@ def test_an_existing_file_is_kept_without_overwrite(tmp_path: Path) -> None:
     assert read_log(path).metadata == METADATA
     copy_log(read_log(original), path, overwrite=True)
     assert len(read_log(path).readings) == 12
-
-
-def test_a_log_deleted_while_it_is_written_is_an_error(tmp_path: Path) -> None:
-    path = tmp_path / "scan.mcap"
-    with LogWriter(path, METADATA) as log:
-        path.unlink()
-        with pytest.raises(LogError, match="was deleted"):
-            log.frame(True, STARTED, reading_frame(0))
 
 
 def test_nothing_can_be_added_to_a_closed_log(tmp_path: Path) -> None:
@@ -253,27 +216,3 @@ def test_the_writer_counts_the_readings_that_the_log_will_have(tmp_path: Path) -
         writer.reading(example_reading(0))
         assert writer.count == 3
     assert len(read_log(path).readings) == 3
-
-
-def test_each_sweep_is_one_laser_scan_at_its_own_time_also_if_a_reading_is_measured_again(tmp_path: Path) -> None:
-    path = tmp_path / "scan.mcap"
-    bench = Bench().connect()
-    with LogWriter(path, METADATA) as log:
-        bench.session.recording.use(log)
-        bench.run(configuring(Configure(20_000, 2_380, 0, 343_200)))
-        # the device no longer keeps reading 5 when it can arrive, so it is measured again after the second sweep
-        bench.up = without(lambda message: isinstance(message, ReadingMessage) and message.number == 5)
-        scan = bench.scan(StartScan(0, 2_000_000, 80, 2, 1))
-        bench.until(lambda: bench.session.statistics.lost_readings == 1)
-        bench.up = lambda data: data
-        bench.until(lambda: scan.done)
-    with path.open("rb") as file:
-        reader = make_reader(file, decoder_factories=[DecoderFactory()])
-        sweeps = [
-            (message.publish_time, decoded) for _, _, message, decoded in reader.iter_decoded_messages(topics=["/scan"])
-        ]
-    assert [len(sweep.ranges) for _, sweep in sweeps] == [80, 80]
-    assert not any(math.isnan(distance) for _, sweep in sweeps for distance in sweep.ranges)
-    began = [min(one.host_time or 0 for one in scan.readings if one.sweep == number) for number in (0, 1)]
-    assert sorted(time * 1e-9 for time, _ in sweeps) == pytest.approx(began, abs=0.01)
-    assert sorted(sweep.timestamp.ToNanoseconds() * 1e-9 for _, sweep in sweeps) == pytest.approx(began, abs=0.01)

@@ -82,19 +82,6 @@ def test_a_loop_starts_over_and_never_ends(log: Log) -> None:
     assert playback.count == 4
 
 
-def test_playback_seeks_forwards_and_backwards(log: Log) -> None:
-    playback = playing(log)
-    playback.advance(1.0)
-    playback.seek(0.35)
-    assert playback.count == 4
-    playback.advance(0.1)  # and continues
-    assert playback.count == 5
-    playback.seek(-3.0)
-    assert playback.count == 1
-    playback.seek(99.0)
-    assert playback.count == 2 * COUNT
-
-
 def test_playback_seeks_to_a_reading_a_scan_and_a_sweep(log: Log) -> None:
     playback = Playback(log)
     for index in (0, 7, 2 * COUNT - 1, 3):
@@ -127,13 +114,6 @@ def test_playback_steps_reading_by_reading(log: Log) -> None:
     assert playback.count == 1
 
 
-def test_playback_of_a_log_without_readings_ends_at_once(log: Log) -> None:
-    playback = playing(replace(log, scans=()))
-    playback.advance(1.0)
-    playback.step(1)
-    assert (playback.count, playback.position, playback.playing) == (0, 0.0, False)
-
-
 def with_pause(log: Log, scan: int, number: int, pause: float) -> Log:
     """Return a log of one scan with a pause before one of its readings."""
     readings = log.scans[0].readings
@@ -150,14 +130,3 @@ def test_gaps_are_skipped_and_other_intervals_are_kept(log: Log) -> None:
     assert playback.position == pytest.approx(0.8)
     playback.skip_gaps = False
     assert (playback.count, playback.position) == (9, pytest.approx(60.8))
-
-
-def test_pauses_between_scans_and_slow_readings_are_not_gaps(log: Log) -> None:
-    playback = Playback(log)
-    playback.skip_gaps = True
-    assert playback.duration == pytest.approx(1.1 + 1.0 + 1.1)
-    (scan, _) = log.scans
-    slow = tuple(replace(reading, time=scan.began + 4.0 * reading.number) for reading in scan.readings)
-    playback = Playback(replace(log, scans=(replace(scan, readings=slow),)))
-    playback.skip_gaps = True
-    assert playback.duration == pytest.approx(4.0 * (COUNT - 1))

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -32,7 +31,6 @@ from sonarhw.wire.messages import (
     State,
     Stop,
     TraceChunk,
-    Turn,
 )
 from sonarhw.wire.readings_of_frames import ReadingAssembler
 from tests.contract.talk import DirectLine, Talk, readings
@@ -98,16 +96,6 @@ def test_a_scan_of_a_replay_has_the_origin_of_its_log(tmp_path: Path, writer: st
     assert origin_of("scan", log.info.firmware, log.info.serial) is origin
 
 
-def test_homing_and_turning_end_at_once(log: Log) -> None:
-    talk = greeted(ReplayDevice(log))
-    began = talk.clock()
-    for action in (Home(), Turn(90_000_000)):
-        assert talk.act(action)[2].outcome == Outcome.DONE
-    assert talk.clock() - began < 0.05
-    beat = talk.heartbeat()
-    assert (beat.state, beat.angle) == (State.IDLE, 90_000_000)
-
-
 def test_a_heartbeat_comes_every_quarter_second_and_stop_ends_a_scan_at_any_speed(log: Log) -> None:
     for speed, played_for in ((0.1, 0.3), (1.0, 0.3), (1e6, 1e-4)):
         talk = greeted(ReplayDevice(with_scans(log, log.readings * 40), speed))
@@ -120,17 +108,6 @@ def test_a_heartbeat_comes_every_quarter_second_and_stop_ends_a_scan_at_any_spee
         assert finished.outcome == Outcome.STOPPED
         assert finished.readings == len(readings(talk.messages()))
         assert sum(isinstance(message, Heartbeat) for message in talk.quiet(1.0)) in (4, 5)
-
-
-def test_a_loop_continues_until_the_requested_number_of_readings(log: Log) -> None:
-    talk = greeted(ReplayDevice(log, loop=True))
-    found = played(talk, replace(SCAN, sweeps=3))
-    assert [reading.number for reading in found] == [*range(3 * COUNT)]
-    assert [reading.sweep for reading in found] == [n // COUNT for n in range(3 * COUNT)]
-    gaps = [after.time - before.time for before, after in pairwise(found)]
-    assert gaps == pytest.approx([0.1] * (3 * COUNT - 1), abs=2e-6)
-    for got, wanted in zip(found, 3 * log.readings, strict=True):
-        assert got.echo_times == wanted.echo_times
 
 
 def test_each_scan_command_plays_the_next_recorded_scan_and_a_part_that_of_the_previous_one(log: Log) -> None:
@@ -162,12 +139,6 @@ def test_a_log_without_settings_is_replayed_with_the_recorded_ranges(log: Log, s
     for got, wanted in zip(found, log.readings, strict=True):
         assert got.echo_ranges == pytest.approx(wanted.echo_ranges, abs=1e-6)
     assert len(played(greeted(ReplayDevice(bare), None))) == COUNT  # the host needs not configure
-
-
-def test_missing_readings_leave_no_gap_in_the_numbers(log: Log) -> None:
-    found = played(greeted(ReplayDevice(with_scans(log, log.readings[::2]))))
-    assert [reading.number for reading in found] == [*range(COUNT // 2)]
-    assert [reading.echo_times for reading in found] == [reading.echo_times for reading in log.readings[::2]]
 
 
 def replayed(device: ReplayDevice) -> Bench:

@@ -25,7 +25,6 @@ from sonarhw.wire.messages import (
 from sonarhw.wire.readings_of_frames import (
     MOST_DRIFT,
     DeviceClock,
-    Progress,
     ReadingArrivals,
     ReadingAssembler,
     trace_chunks,
@@ -60,7 +59,6 @@ def share(reading: Reading) -> float | None:
     return float(arrived.mean())
 
 
-LATER = (made(4), Heartbeat(3, 0, 5, 2000), Finished(2, 0, 4, ""), Started(3, 10))
 # messages, then number of each reading and share of its trace
 ASSEMBLED: dict[str, tuple[list[Message], list[tuple[int, float | None]]]] = {
     "with its last chunk": ([made(5), *chunks(5)], [(5, 1.0)]),
@@ -94,13 +92,6 @@ ASSEMBLED: dict[str, tuple[list[Message], list[tuple[int, float | None]]]] = {
 def test_each_reading_is_assembled_once_with_its_own_trace(name: str) -> None:
     messages, expected = ASSEMBLED[name]
     assert [(reading.number, share(reading)) for reading in assembled(*messages)] == expected
-
-
-@pytest.mark.parametrize("later", LATER, ids=lambda message: type(message).__name__)
-def test_a_later_message_completes_a_reading_with_missing_chunks(later: Message) -> None:
-    assert assembled(made(3), chunks(3)[1], flush=False) == []
-    (reading,) = assembled(made(3), chunks(3)[1], later, flush=False)
-    assert (share(reading), reading.time) == (0.5, pytest.approx(0.4))
 
 
 def test_traces_without_readings_do_not_accumulate() -> None:
@@ -161,29 +152,6 @@ def test_every_reading_made_is_received_missing_or_lost(total: int, events: list
             assert first >= arrivals.made - KEPT_READINGS
 
 
-def test_readings_no_longer_kept_are_lost_and_not_requested() -> None:
-    arrivals = ReadingArrivals(1000)
-    arrivals.device_made(100)
-    assert (arrivals.lost, arrivals.next_resend()) == (36, (36, 64))
-    arrivals.arrived(150)
-    assert (arrivals.lost, arrivals.next_resend()) == (87, (87, 63))
-    few = ReadingArrivals(100, kept=8)
-    few.device_made(30)
-    assert (few.lost, few.next_resend()) == (22, (22, 8))
-    absurd = ReadingArrivals(2**32 - 1)  # needs no memory
-    absurd.device_made(2**32 - 1)
-    assert absurd.next_resend() == (2**32 - 1 - KEPT_READINGS, KEPT_READINGS)
-
-
-def test_only_requests_for_the_same_readings_give_up() -> None:
-    arrivals = ReadingArrivals(100)
-    for number in range(1, 41, 2):
-        arrivals.arrived(number)
-        assert arrivals.request(3) == (0, number)
-    assert [arrivals.request(3) for _ in range(3)] == [(0, 39), (0, 39), None]
-    assert arrivals.lost == 20
-
-
 def test_readings_outside_of_the_requested_part_are_rejected() -> None:
     arrivals = ReadingArrivals(10, first=6)
     assert [arrivals.arrived(number) for number in (5, 10, 7)] == [False, False, True]
@@ -191,25 +159,6 @@ def test_readings_outside_of_the_requested_part_are_rejected() -> None:
     assert arrivals.arrived(6)
     arrivals.device_made(10)
     assert arrivals.next_resend() == (8, 2)
-
-
-@given(st.integers(1, 40), st.lists(st.integers(-2, 45), max_size=80))
-def test_progress_finds_missing_readings_in_any_order_of_arrival(total: int, numbers: list[int]) -> None:
-    progress, arrived = Progress(total), set[int]()
-    for number in numbers:
-        fresh = number in range(total) and number not in arrived
-        assert progress.take(number) is fresh
-        arrived |= {number} & set(range(total))
-        assert progress.received == len(arrived)
-        missing = sorted(set(range(total)) - arrived)
-        stretch = progress.next_missing()
-        assert progress.complete == (stretch is None) == (not missing)
-        if stretch is not None:
-            first, count = stretch
-            assert first == missing[0]
-            # all of the stretch is missing, and it ends at a received reading or at the end of the scan
-            assert set(range(first, first + count)) <= set(missing)
-            assert first + count == total or first + count in arrived
 
 
 # the clock of the device
@@ -264,14 +213,6 @@ def test_time_continues_across_a_reset(counted: bool) -> None:
     time = clock.continued(round((since + 30.0) * 1e6))
     assert time == pytest.approx(65.0 / (1 + drift) + 30.0, abs=0.25)
     assert clock.host_time(time) == pytest.approx(EPOCH + 65.0 + 30.0 * (1 + drift), abs=0.01)
-
-
-@pytest.mark.parametrize("drift", [-0.01, 0.0, 0.01])
-def test_time_across_a_reset_is_that_of_a_clock_that_was_never_reset(drift: float) -> None:
-    """Without jitter, the continued time follows exactly from the arrival and the drift."""
-    clock = clock_of(1, *((k / 10, k / 10 * (1 + drift)) for k in range(200)), 2, (3.0, 50.0))
-    assert clock.continued(3_000_000) == pytest.approx(50.0 / (1 + drift), abs=1e-5)
-    assert clock.continued(4_500_000) == pytest.approx(50.0 / (1 + drift) + 1.5, abs=1e-5)
 
 
 def test_time_never_runs_back_at_a_reset() -> None:
