@@ -28,7 +28,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from itertools import islice
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 from typing import Any, BinaryIO, ClassVar, Self, TypeVar
 
 from sonarhw.errors import CommandRefused, DeviceError, InputError, LinkError, MissingExtra, NoAnswer, SonarError
@@ -339,17 +339,20 @@ class _PluginApart(DevicePlugin):
             self.stop()
             raise
 
-    def _call(self, name: str, *arguments: Any) -> Any:
-        """Return what a method of the plug-in returns. Raises what it raises, and DeviceError if its process ends."""
+    def _call(self, name: str, *arguments: Any, within: float | None = None) -> Any:
+        """Return what a method of the plug-in returns. Raises what it raises, and DeviceError if its process ends.
+
+        Raises Empty without an answer `within` s.
+        """
         self._number += 1
         self._calling = name, time.monotonic()
         assert self._process.stdin is not None
         with suppress(OSError, ValueError):  # it has ended, or is stopped
             pickle.dump((self._number, name, arguments), self._process.stdin)
             self._process.stdin.flush()
-        answer = self._answers.get()
+        answer = self._answers.get(timeout=within)
         while answer is not None and answer[0] != self._number:  # of a call whose caller was interrupted
-            answer = self._answers.get()
+            answer = self._answers.get(timeout=within)
         if answer is None:
             self._answers.put(None)
             raise DeviceError(f"{self.url}: the plug-in {self._origin} ended its process during {name!r}")
@@ -382,9 +385,12 @@ class _PluginApart(DevicePlugin):
         self._call("end")
 
     def close(self) -> None:
-        """Close the link, which a process that has ended has closed."""
-        if self._process.poll() is None:
+        """Close the link. If the caller of another call was interrupted, this one may not be answered."""
+        if self._calling is None:
             self._call("close")
+        else:
+            with suppress(DeviceError, Empty):
+                self._call("close", within=_HANGS)
 
     def stop(self) -> None:
         """End the process."""
