@@ -46,26 +46,30 @@ sys.modules["machine"] = machine
 time.sleep_us = time.sleep_ms = lambda duration: None
 """
 ARDUINO = """
-#include <poll.h>
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
-#include <unistd.h>
-#include <algorithm>
-using std::max;
-using std::min;
+#define min(a, b) ((a) < (b) ? (a) : (b))
 typedef uint8_t byte;
 enum { LOW, HIGH, OUTPUT };
+static void delay(unsigned long) {}
+static void delayMicroseconds(unsigned) {}
+static void digitalWrite(byte, byte) {}
+static void pinMode(byte, byte) {}
+struct Servo { void attach(byte) {} void write(int) {} };
+void setup();
+void loop();
+int main() { setup(); for (;;) loop(); }
+"""
+HOST = """
+#include <poll.h>
+#include <time.h>
+#include <unistd.h>
 static uint32_t micros() {
   timespec now;
   clock_gettime(CLOCK_MONOTONIC, &now);
   return now.tv_sec * 1000000ull + now.tv_nsec / 1000;
 }
-static void delay(unsigned long) {}
-static void delayMicroseconds(unsigned) {}
-static void digitalWrite(byte, byte) {}
-static void pinMode(byte, byte) {}
 static uint32_t pulseIn(byte, byte, uint32_t) { return 6000; }
 struct {
   void begin(long) {}
@@ -74,40 +78,18 @@ struct {
   void write(byte value) { write(&value, 1); }
   void write(const byte *data, int count) { while (count-- > 0) if (::write(1, data++, 1) != 1) exit(0); }
 } Serial;
-struct Servo { void attach(byte) {} void write(int) {} };
-void setup();
-void loop();
-int main() { setup(); for (;;) loop(); }
 """
-
-
-# the functions of Arduino that the program uses, declared for an AVR
 AVR = """
-#include <stdint.h>
-#include <stdlib.h>
-#include <string.h>
-#define min(a, b) ((a) < (b) ? (a) : (b))
-#define max(a, b) ((a) > (b) ? (a) : (b))
-typedef uint8_t byte;
-enum { LOW, HIGH, OUTPUT };
 volatile uint32_t something;
 static uint32_t micros() { return something; }
-static void delay(unsigned long time) { something = time; }
-static void delayMicroseconds(unsigned time) { something = time; }
-static void digitalWrite(byte, byte level) { something = level; }
-static void pinMode(byte pin, byte) { something = pin; }
 static uint32_t pulseIn(byte, byte, uint32_t) { return something; }
 struct {
-  void begin(long baud) { something = baud; }
+  void begin(long) {}
   int available() { return something; }
   int read() { return something; }
   void write(byte value) { something = value; }
   void write(const byte *data, int count) { while (count-- > 0) something = *data++; }
 } Serial;
-struct Servo { void attach(byte pin) { something = pin; } void write(int angle) { something = angle; } };
-void setup();
-void loop();
-int main() { setup(); for (;;) loop(); }
 """
 
 
@@ -130,24 +112,24 @@ def micropython(folder: Path, program: str) -> list[str]:
     return [sys.executable, str(folder / "main.py")]
 
 
-def arduino(folder: Path, program: str) -> list[str]:
+def compiled(folder: Path, compiler: list[str], functions: str, program: str) -> str:
     (folder / "Servo.h").write_text("")
-    (folder / "Arduino.h").write_text(ARDUINO)
+    (folder / "Arduino.h").write_text(ARDUINO + functions)
     (folder / "minimum.cpp").write_text(program, encoding="utf-8")
-    compiler = ["g++", "-std=gnu++11", "-Werror", "-I", str(folder), "-include", "Arduino.h"]
-    subprocess.run([*compiler, str(folder / "minimum.cpp"), "-o", str(folder / "minimum")], check=True)
-    return [str(folder / "minimum")]
+    options = ["-std=gnu++11", "-Wall", "-Wextra", "-Werror", "-I", str(folder), "-include", "Arduino.h"]
+    built = str(folder / "minimum")
+    subprocess.run([*compiler, *options, str(folder / "minimum.cpp"), "-o", built], check=True)
+    return built
+
+
+def arduino(folder: Path, program: str) -> list[str]:
+    return [compiled(folder, ["g++"], HOST, program)]
 
 
 def test_the_arduino_program_fits_into_an_uno(tmp_path: Path) -> None:
-    (tmp_path / "Servo.h").write_text("")
-    (tmp_path / "Arduino.h").write_text(AVR)
-    (tmp_path / "minimum.cpp").write_text(PROGRAMS["c"], encoding="utf-8")
-    built = tmp_path / "minimum.elf"
-    compiler = ["avr-g++", "-mmcu=atmega328p", "-DF_CPU=16000000", "-Os", "-std=gnu++11", "-Wall", "-Wextra", "-Werror"]
-    command = [*compiler, "-I", str(tmp_path), "-include", "Arduino.h", str(tmp_path / "minimum.cpp"), "-o", str(built)]
-    subprocess.run(command, check=True)
-    sizes = subprocess.run(["avr-size", str(built)], check=True, capture_output=True, text=True).stdout
+    compiler = ["avr-g++", "-mmcu=atmega328p", "-DF_CPU=16000000", "-Os"]
+    built = compiled(tmp_path, compiler, AVR, PROGRAMS["c"])
+    sizes = subprocess.run(["avr-size", built], check=True, capture_output=True, text=True).stdout
     text, data, bss = map(int, sizes.splitlines()[1].split()[:3])
     assert text + data < 24_000  # of 32 256 bytes; the core of the Arduino and its Servo library need the rest
     assert data + bss < 1500  # of 2048
