@@ -76,14 +76,6 @@ def test_a_table_far_from_zero_needs_a_second_home_until_its_wiring_has_worked(b
     assert board.finish(Home(), 40_000_000).outcome == Outcome.DONE
 
 
-def test_a_first_home_crawls(board: PortableBoard) -> None:
-    board.c.host_grain(50)
-    board.c.host_set_position(99 * A_DEGREE)
-    board.ask(Hello(1, 0))
-    board.ask(Home(), 1_000_000)
-    assert 99 - board.c.host_position() / A_DEGREE == pytest.approx(45, abs=2)
-
-
 @pytest.mark.parametrize("degrees", [-300, 99])
 @pytest.mark.parametrize(
     ("wiring", "text"),
@@ -300,14 +292,6 @@ def test_turning_back_and_forth_over_the_mark_reports_no_lost_steps(board: Porta
         for _ in range(12):
             turn = choice.choice([-360, 0, 360]) * 1_000_000
             assert board.finish(Turn(turn + choice.randrange(-7_000_000, 7_000_000))).outcome == Outcome.DONE
-
-
-def test_an_angle_between_two_microsteps_is_rounded_to_the_nearest(board: PortableBoard) -> None:
-    home_board(board)
-    assert board.finish(Turn(10_030_000)).outcome == Outcome.DONE
-    assert board.c.host_position() == 201
-    assert board.finish(Turn(-10_020_000)).outcome == Outcome.DONE
-    assert board.c.host_position() == -200
 
 
 @pytest.mark.parametrize(

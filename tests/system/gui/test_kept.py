@@ -18,7 +18,7 @@ from sonarhw_gui.jobs.files import open_room
 from sonarhw_gui.model.edits import sensor_at, with_air_state, with_corner, with_options
 from sonarhw_gui.model.look import DARK, LengthUnit, Look
 from sonarhw_gui.model.rows import Column
-from sonarhw_gui.model.scene import Scene, SceneMemory, scene_of_log
+from sonarhw_gui.model.scene import Scene, SceneMemory
 from sonarhw_gui.session.kept import (
     Memory,
     UnsavedRooms,
@@ -277,24 +277,6 @@ def test_a_dismissed_question_comes_again_and_discarded_changes_do_not(start: St
     assert question(start(ROOM)) == ""
 
 
-def test_restoring_a_room_keeps_place_and_board_of_a_log(
-    start: Start, open_session: OpenSession, recorded: Path, tmp_path: Path
-) -> None:
-    session = start(ROOM)
-    session.open_board("paper")
-    drawn_room = draw(session)
-    session.close()
-    log = read_log(recorded)
-    scene, _ = sensor_at(scene_of_log(log.metadata), (0.5, 0.4))
-    session = open_session(log, scene=scene, memory=tmp_path / "data" / "window.ini")
-    assert ASKED in question(session)
-    session.notices.accept()
-    there = session.shown.scene
-    assert (there.room.text, there.place, there.board) == (drawn_room, scene.place, scene.board)
-    assert len(session.shown.readings) == len(log.readings)
-    assert question(session) == ""
-
-
 def rooms_in(folder: Path, notices: Notices) -> UnsavedRooms:
     return UnsavedRooms(folder, notices, lambda path: None)
 
@@ -546,8 +528,3 @@ def test_a_folder_that_cannot_be_written_gives_one_line_and_loses_no_note(
 
 
 # undo
-
-
-def moved(scene: Scene, by: float) -> Scene:
-    x, y = scene.place.position
-    return replace(scene, place=replace(scene.place, position=(x - by, y)))

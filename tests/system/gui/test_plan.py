@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from PySide6.QtCore import QCoreApplication, QEvent, QObject, QPoint, QPointF, QRectF, Qt
+from PySide6.QtCore import QCoreApplication, QEvent, QPoint, QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QImage, QPalette, QWheelEvent
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QApplication, QToolButton, QWidget
+from PySide6.QtWidgets import QApplication, QToolButton
 from shiboken6 import Shiboken
 from sonarhw_gui.jobs import forecast
-from sonarhw_gui.jobs.forecast import Forecast, PathsFound
+from sonarhw_gui.jobs.forecast import PathsFound
 from sonarhw_gui.model.edits import sensor_at
 from sonarhw_gui.model.look import DARK, LIGHT, Look
 from sonarhw_gui.model.scene import Scene, decibels_text, wall_lines
@@ -243,40 +243,6 @@ def test_keys_move_and_turn_the_sensor_and_quick_presses_are_one_step(plan: Plan
     plan.key("Ctrl+Z")
     assert plan.sensor == (x, y)
     controller.clock = own
-
-
-class LayoutRequests(QObject):
-    """Counts the layouts of a widget."""
-
-    def __init__(self, widget: QWidget) -> None:
-        super().__init__(widget)
-        self.count = 0
-        widget.installEventFilter(self)
-
-    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
-        self.count += event.type() is QEvent.Type.LayoutRequest
-        return False
-
-
-def test_a_drag_of_the_sensor_lays_out_no_view_and_its_sentence_is_a_draft(
-    measured: Plan, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The place beside the tools changes with every move, and a layout reaches the whole window."""
-    plan, texts, sentence = measured, set[str](), measured.window.sentence
-    monkeypatch.setattr(forecast, "_SHORT", 0.0)  # s; else a draft of a fast computer can have all bounces
-    with monkeypatch.context() as moving:  # else all paths can be found before the sentence is read
-        moving.setattr(Forecast, "_search_when_due", lambda _: None)
-        begin_drag(plan.view, plan.box, plan.sensor, (0.6, 0.3))
-        until(lambda: sentence.text().startswith("draft"))
-        requests = LayoutRequests(plan.window.views.plan)
-        for x in (0.5, 0.45, 0.4, 0.35, 0.3):
-            QTest.mouseMove(plan.view.viewport(), pixel_at(plan.view, plan.box, (x, 0.3)))
-            until(lambda before=set(texts): plan.message not in before)
-            texts.add(plan.message)
-            QTest.qWait(1)  # a layout is a posted event
-        assert (len(texts), requests.count) == (5, 0)
-    QTest.mouseRelease(plan.view.viewport(), LEFT)
-    until(lambda: predicted(plan.window) and not sentence.text().startswith("draft"))
 
 
 def is_faint(sentence: Sentence) -> bool:

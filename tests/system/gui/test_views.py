@@ -488,7 +488,6 @@ def test_residuals_are_measured_minus_predicted_and_beyond_the_scale_an_arrow(ra
 # the table
 
 COUNT = ORDER.readings
-LONG = 36_000  # readings of an hour
 
 
 @pytest.fixture(scope="module")

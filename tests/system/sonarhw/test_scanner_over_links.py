@@ -59,26 +59,6 @@ def check_scan(readings: list[Reading]) -> None:
         assert reading.echo_times[0] == pytest.approx(echo_time(reading.angle), abs=1e-9)
 
 
-def test_a_scan_gives_every_reading_in_order(served: Serve) -> None:
-    with served() as endpoint, Scanner.open(endpoint.url) as scanner:
-        assert scanner.info.serial == "FAKE-0005"
-        assert scanner.info.temperature_c == pytest.approx(21.3)
-        settings = scanner.configure(listen=1.0, blanking=0.001, trace=False, speed_of_sound=340.5)
-        assert (settings.listen, settings.blanking) == (pytest.approx(0.065), pytest.approx(0.001))
-        assert scanner.home() is Outcome.DONE
-        readings = list(scanner.scan(ORDER))
-        check_scan(readings)
-        assert readings[0].range == pytest.approx(340.5 * echo_time(0) / 2)
-        assert scanner.turn(1.0) is Outcome.DONE
-        statistics = scanner.statistics
-        assert (
-            statistics.rejected_blocks,
-            statistics.missing_frames,
-            statistics.resends,
-            statistics.lost_readings,
-        ) == (0, 0, 0, 0)
-
-
 class AskedBoard(FakeBoard):
     """A board that keeps the last ping settings that were asked for."""
 

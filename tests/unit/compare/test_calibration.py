@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.special import j1
-from sonarhw_compare.calibration.outcome import CalibratedValue, Calibration
+from sonarhw_compare.calibration.outcome import Calibration
 from sonarhw_compare.calibration.plate import calibrate_with_plates, find_blanking
 from sonarhw_compare.calibration.plate_readings import plate_levels, plate_readings
 from sonarhw_compare.calibration.room import (
@@ -48,10 +48,6 @@ def test_spreads_are_those_of_the_readings() -> None:
 
 
 # Reflectances.
-
-
-def found(material: str, value: float, before: float) -> CalibratedValue:
-    return CalibratedValue(material, value, value - 0.1, value + 0.1, before, "")
 
 
 # The carrier's own body, among the echoes that the room does not explain.

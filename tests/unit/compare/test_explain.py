@@ -17,7 +17,6 @@ from sonarhw_compare.explain import (
     ranked_echoes,
     remedy,
     remedy_text,
-    runner_up,
 )
 from sonarhw_compare.fit.free_walls import left_normals, with_shifted_walls
 from sonarhw_compare.match import TOLERANCE, compare_readings
@@ -49,12 +48,6 @@ def range_at(change: float, index: int) -> float:
 def ranges_at(change: float) -> FloatArray:
     board = replace(NXT, threshold_db=NXT.threshold_db + change)
     return weigh_paths(ARENA, PLACE, board, FAINT.headings, FAINT.paths).ranges
-
-
-def sentences(ranges: FloatArray, receiver: Receiver = Receiver.FIRST_ECHO) -> list[str]:
-    readings = readings_of(ANGLES, ranges)
-    comparison = compare_readings(readings, ARENA, PLACE, NXT, options=PredictionOptions(receiver=receiver))
-    return [explain_reading(comparison, index) for index in range(len(ANGLES))]
 
 
 def agrees(one: float, other: float) -> bool:
@@ -204,21 +197,6 @@ def via(scan: PredictedScan, echo: RankedEcho) -> str:
     return ">".join(scan.paths.via(echo.path, scan.room))
 
 
-def test_the_winner_is_ranked_first_and_the_blanked_wall_last() -> None:
-    scan = scan_at(270.0)
-    found = ranked_echoes(scan, 0)
-    assert (via(scan, found[0]), outcome_text(found[0])) == ("bottom>top>bottom", "wins")
-    assert (via(scan, found[-1]), outcome_text(found[-1])) == ("bottom", "blanked")
-    assert [found[0].range, found[-1].range] == pytest.approx([2 * 0.085 + 0.657, 0.085], abs=5e-4)
-    assert [echo.wins for echo in found] == [True] + [False] * (len(found) - 1)
-    assert runner_up(found) is found[1]
-    earlier = remedy(scan, 0, found[-1]).blanking
-    assert earlier == pytest.approx(PAPER.blanking - 2 * 0.085 / SIMPLE.air.speed_of_sound, abs=1e-6)
-    for share, range_ in ((1.001, 0.085), (0.999, 0.827)):
-        after = scan_at(270.0, replace(PAPER, blanking=PAPER.blanking - share * earlier))
-        assert after.ranges[0] == pytest.approx(range_, abs=5e-4)
-
-
 def test_levels_are_those_of_a_piston_off_its_axis_and_distances_those_of_image_sources() -> None:
     """A piston, twice 2 J₁(x)/x cos(angle), relative to its axis (CIM-92-9 eq. 1)."""
     x = PAPER.wavenumber(SIMPLE.air) * PAPER.aperture_radius * math.sin(math.radians(20.0))
@@ -236,25 +214,6 @@ def test_levels_are_those_of_a_piston_off_its_axis_and_distances_those_of_image_
     scan = scan_at(270.0, POLAROID)
     behind = next(echo.behind for echo in ranked_echoes(scan, 0) if via(scan, echo) == "bottom>right>top>bottom")
     assert behind == pytest.approx(math.hypot(0.827, 0.154) - 0.827, abs=2e-4)
-
-
-@pytest.mark.parametrize("degrees", [45.0, 200.0, 215.0, 310.0])
-def test_each_change_of_the_threshold_makes_its_echo_win(degrees: float) -> None:
-    scan, helped = scan_at(degrees), 0
-    found = ranked_echoes(scan, 0)
-    # a path and its reverse are one echo
-    ways = [(round(echo.range, 6), min(via(scan, echo).split(">"), via(scan, echo).split(">")[::-1])) for echo in found]
-    assert all(ways.count(way) == 1 for way in ways)
-    for echo in found:
-        change = remedy(scan, 0, echo).threshold_db
-        if change is None or change < -15:  # fainter paths may be left out of the prediction
-            continue
-        board = replace(PAPER, threshold_db=PAPER.threshold_db + change + math.copysign(_A_LITTLE, change))
-        after = weigh_paths(SIMPLE, FIGURE_9, board, scan.headings, scan.paths)
-        # a nearer echo wins only if the threshold stays above those still nearer, which have their own remedy
-        assert after.ranges[0] <= echo.range + 1e-6
-        helped += bool(abs(after.ranges[0] - echo.range) < 1e-6)
-    assert helped > 0
 
 
 def test_headings_and_estimates_in_text() -> None:

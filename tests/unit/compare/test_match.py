@@ -7,7 +7,6 @@ from statistics import NormalDist
 
 import numpy as np
 import pytest
-from scipy.special import j1
 from scipy.stats import norm
 from sonarhw_compare.arcs import POSSIBLE, arcs_of
 from sonarhw_compare.explain import reading_details
@@ -17,7 +16,7 @@ from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_compare.locate import PoseSpread
 from sonarhw_compare.map import map_scans
 from sonarhw_compare.match import TOLERANCE, Comparison, Kind, classify, compare_readings, roc_area
-from sonarhw_compare.regions import Region, mean_run, regions_of
+from sonarhw_compare.regions import Region, regions_of
 from sonarhw_compare.rooms.evidence import evidence_of
 from sonarhw_compare.score import (
     assigned,
@@ -125,44 +124,6 @@ def test_regions_end_at_other_ranges_and_at_wide_silence_only(
 ) -> None:
     regions = regions_of(HEADINGS, ranges)
     assert sorted((one.range, len(one), one.rows[0]) for one in regions) == sorted(found)
-
-
-@pytest.mark.parametrize(
-    ("degrees", "lengths"),
-    [
-        ([*range(0, 30, 3), *range(60, 90, 3)], [10, 10]),
-        ([k for k in range(0, 63, 3) if k != 30], [10, 10]),  # one heading was left out
-        (np.cumsum([4.2 if k % 6 == 5 else 3.0 for k in range(20)]), [20]),  # steps vary
-    ],
-)
-def test_a_gap_between_headings_ends_a_region(degrees: list[float], lengths: list[int]) -> None:
-    assert [len(one) for one in regions_of(np.radians(degrees), np.full(20, 2.0))] == lengths
-
-
-def test_order_whole_turns_and_repeated_pings_do_not_matter() -> None:
-    random = np.random.default_rng(3)
-    ranges, order = np.repeat(random.uniform(0.5, 3.0, 12), 10), random.permutation(120)
-    straight = regions_of(HEADINGS, ranges)
-    shuffled = regions_of(HEADINGS[order] + math.tau * random.integers(-2, 3, 120), ranges[order])
-    assert len(straight) == 12
-    assert [sorted(order[list(region.rows)].tolist()) for region in shuffled] == [sorted(r.rows) for r in straight]
-    thrice = regions_of(np.repeat(HEADINGS, 3), np.repeat(ranges, 3))
-    assert [(one.bearing, one.width, len(one)) for one in thrice] == [(r.bearing, r.width, 30) for r in straight]
-    # neighbours with one range count as one reading
-    assert mean_run(HEADINGS, np.repeat([1.0, np.nan, 2.0, 3.0], 30)) == pytest.approx(30)
-    assert [mean_run(HEADINGS, np.arange(120.0)), mean_run(np.repeat(HEADINGS, 3), np.repeat(ranges, 3))] == [1, 30]
-
-
-def test_the_width_of_a_region_follows_from_the_beam() -> None:
-    """The two-way beam falls below the threshold at a known angle from the normal of a single wall."""
-    room, headings = polygon_room([(2.0, -3.0), (2.0, 3.0)], closed=False), np.radians(np.arange(-60.0, 60.0, 0.25))
-    widest = max(regions_of(headings, predict_scan(room, Place("", (0, 0)), PAPER, headings).ranges), key=len)
-    angles = np.linspace(0, math.radians(12), 20_001)[1:]
-    x = PAPER.wavenumber(room.air) * PAPER.aperture_radius * np.sin(angles)
-    both_ways = 0.9 * (2 * j1(x) / x * np.cos(angles)) ** 2
-    reach = angles[np.flatnonzero(both_ways >= 10 ** (PAPER.threshold_db / 20))[-1]]
-    assert (widest.range, widest.bearing % math.tau) == pytest.approx((2.0, 0.0), abs=1e-9)
-    assert math.degrees(widest.width) == pytest.approx(2 * math.degrees(reach), abs=0.5)
 
 
 def arc(begin: float, end: float, distance: float = 1.0) -> Region:

@@ -147,16 +147,6 @@ def test_a_log_that_names_no_board_gives_a_warning(readings: list[Reading], tmp_
     sonarhw.write_report(path, tmp_path / "given.html", board="lego-nxt")
 
 
-def test_a_place_outside_the_room_gives_a_warning(log: Path, room: Room) -> None:
-    outside = r"place '9,9' at 9, 9 m is outside room"
-    with pytest.warns(UserWarning, match=outside) as warned:
-        sonarhw.predict(room, (9.0, 9.0))
-    assert [one.filename for one in warned] == [__file__]
-    with pytest.warns(UserWarning, match=FEW), pytest.warns(UserWarning, match=outside) as warned:
-        sonarhw.compare(log, place=(9.0, 9.0))
-    assert [one.filename for one in warned] == [__file__, __file__]
-
-
 def test_a_wrong_argument_states_what_is_expected(log: Path) -> None:
     with pytest.raises(
         InputError, match=r"place: expected x and y in metres, and no heading or .* got \(0.5, 0.5, 0.5, 0.5\)"

@@ -1,18 +1,15 @@
 """The content of the window without a window: edits of the scene, texts, and scans for searches."""
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from PySide6.QtCore import QObject
 from sonarhw_compare.edits import add_post
 from sonarhw_compare.fit import PlacedScan
 from sonarhw_compare.locate import PoseSpread
 from sonarhw_compare.rooms.evidence import FINE, evidence_of
-from sonarhw_gui.jobs.jobs import Jobs
 from sonarhw_gui.jobs.searches import loaded_scans
 from sonarhw_gui.model import scene as scenes
 from sonarhw_gui.model.edits import (
@@ -23,13 +20,11 @@ from sonarhw_gui.model.edits import (
     sensor_turned,
     with_sensor_at,
 )
-from sonarhw_gui.model.look import LengthUnit, Look
+from sonarhw_gui.model.look import LengthUnit
 from sonarhw_gui.model.scene import Scene, scene_of_log
 from sonarhw_gui.model.shown import Shown, overlaid
-from sonarhw_gui.session.kept import NoteStore, is_changed, room_text
-from sonarhw_gui.session.notices import Notices
-from sonarhw_gui.session.scanner import Live, ScanSettings, start_recording
-from sonarhw_gui.session.showing import ShownModel
+from sonarhw_gui.session.kept import is_changed, room_text
+from sonarhw_gui.session.scanner import start_recording
 from sonarhw_gui.views.echoes import EchoList
 from sonarhw_sim.air import Air, Receiver
 from sonarhw_sim.board.profile import OwnBodyPart, load_board, parse_board
@@ -156,12 +151,3 @@ def test_readings_of_the_own_body_are_left_out_so_that_evidence_belongs_to_the_r
 
 
 # updates
-
-
-@pytest.fixture
-def model(tmp_path: Path) -> Iterator[ShownModel]:
-    owner = QObject()
-    jobs, notices = Jobs(owner), Notices(owner)
-    live = Live(None, ScanSettings(tmp_path), notices, lambda: None)
-    yield ShownModel(NOWHERE, Look(), lambda: live, jobs, NoteStore(None, notices), notices.warn, owner)
-    jobs.close()

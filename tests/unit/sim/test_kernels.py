@@ -5,118 +5,25 @@ import importlib
 import multiprocessing
 import os
 import pkgutil
-import sys
-from collections.abc import Callable, Iterator
 from dataclasses import fields, replace
 from pathlib import Path
 from threading import get_ident
-from typing import Any
 
+import matplotlib.font_manager  # noqa: F401  # its first import starts a process, which no unit test may
 import numpy as np
 import pytest
 import sonarhw_compare
 import sonarhw_sim
-from numba import float64
 from sonarhw_sim import compiled as compiled_module
 from sonarhw_sim import compiler
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.compiled import compiled, compiled_part, in_parts
-from sonarhw_sim.compiler import digest_of, kernel_folders, key_of, store
+from sonarhw_sim.compiler import digest_of, kernel_folders, store
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.room import load_room
 
 from sonarhw.readings import FloatArray
-
-CPU = ("x86_64", "some", "+avx")
-
-
-CONSTANTS = "from typing import NamedTuple\n\nLENGTH = {constant}\n\n\nclass Point(NamedTuple):\n    {fields}\n"
-
-
-CALLEE = """
-from keys_under_test.constants import LENGTH, Point
-from sonarhw_sim.compiled import {decorator}
-
-@{decorator}
-def factor(point):
-    {comment}
-    return point.x * LENGTH {operator} 2.0
-"""
-
-
-CALLER = """
-from keys_under_test.callee import factor
-from keys_under_test.constants import Point
-from sonarhw_sim.compiled import compiled
-
-@compiled
-def scaled(x, y):
-    return factor(Point(x, y))
-"""
-
-
-AS_WRITTEN = {
-    "constant": "1.0",
-    "fields": "x: float\n    y: float",
-    "comment": "# one",
-    "operator": "+",
-    "decorator": "compiled",
-}
-
-
-Key = Callable[..., str]
-
-
-@pytest.fixture
-def key(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Key]:
-    """Return a function that returns the key of `scaled`, in a newly written package with these changes."""
-    folder = tmp_path / "keys_under_test"
-    folder.mkdir()
-    monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setattr(sys, "dont_write_bytecode", True)
-
-    def written(**changes: str) -> str:
-        texts = AS_WRITTEN | changes
-        for name, text in {"__init__": "", "constants": CONSTANTS, "callee": CALLEE, "caller": CALLER}.items():
-            (folder / f"{name}.py").write_text(text.format(**texts))
-        _forget()
-        return _key(importlib.import_module("keys_under_test.caller").scaled)
-
-    yield written
-    _forget()
-
-
-def _forget() -> None:
-    for name in [name for name in sys.modules if name.startswith("keys_under_test")]:
-        del sys.modules[name]
-    importlib.invalidate_caches()
-
-
-def _key(kernel: Any, signature: Any = (float64, float64), processor: tuple[str, ...] = CPU) -> str:
-    return key_of(kernel.py_func, "", signature, processor)
-
-
-@pytest.mark.parametrize(
-    "change",
-    [{"operator": "-"}, {"constant": "1.5"}, {"constant": "-0.0"}, {"fields": "y: float\n    x: float"}],
-    ids=str,
-)
-@pytest.mark.parametrize("decorator", ["compiled", "inlined"])
-def test_the_key_changes_with_what_a_kernel_uses_from_other_files(
-    key: Key, change: dict[str, str], decorator: str
-) -> None:
-    assert key(decorator=decorator, **change) != key(decorator=decorator)
-
-
-def test_the_key_does_not_change_with_a_comment(key: Key) -> None:
-    assert key(comment="# other\n\n    # and longer") == key()
-
-
-@pytest.mark.parametrize("constant", ["object()", "[1.0]", "__import__('json')", "lambda: 1.0"])
-def test_a_kernel_may_not_use_what_the_key_would_miss(key: Key, constant: str) -> None:
-    with pytest.raises(TypeError, match=r"kernel keys_under_test\.callee\.factor uses"):
-        key(constant=constant)
 
 
 def test_the_key_of_every_kernel_covers_all_it_uses() -> None:

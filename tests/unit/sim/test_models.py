@@ -1,14 +1,13 @@
 """The baseline models against closed forms and ray following."""
 
 import math
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.stats import exponnorm, kstest
 from sonarhw_sim.air import Model
-from sonarhw_sim.board.profile import Mount, load_board
+from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import FAR_TAIL, SPREAD, SPREAD_BY_RANGE, PredictionOptions, predict_with
 from sonarhw_sim.room.room import Place, load_room
@@ -17,12 +16,6 @@ from sonarhw.readings import FloatArray
 from tests.fixtures.rooms_for_tests import polygon_room
 
 PAPER = load_board("paper")
-
-
-SIMPLE = load_room("rooms/simple.toml")
-
-
-PLACE = SIMPLE.places["figure9"]
 
 
 SQUARE = polygon_room([(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)])
@@ -50,25 +43,6 @@ def test_cone_is_the_nearest_distance_within_fifteen_degrees_of_the_axis() -> No
     assert scan.ranges == pytest.approx(expected, abs=1e-5)
 
 
-def test_models_of_nearest_walls_have_no_blanking_and_report_their_first_echo() -> None:
-    for model in (Model.NEAREST, Model.CONE):
-        scan = predict_with(model, SIMPLE, PLACE, PAPER, np.radians([270.0, 0.0]))
-        assert scan.ranges == pytest.approx([0.085, 0.154], abs=1e-9)
-        assert [scan.ping(k).echoes[0].range for k in range(2)] == pytest.approx([0.085, 0.154], abs=1e-9)
-
-
-def test_models_of_nearest_walls_use_the_mount() -> None:
-    board = replace(PAPER, mount=Mount(ahead=0.1))
-    for model in (Model.NEAREST, Model.CONE):
-        assert predict_with(model, SQUARE, HERE, board, np.zeros(1)).ranges == pytest.approx([0.9])
-
-
-def test_nearest_wall_beyond_the_range_is_no_echo() -> None:
-    scan = predict_with(Model.NEAREST, SQUARE, HERE, replace(PAPER, max_range=1.2), np.radians([0.0, 44.0]))
-    assert scan.ranges[0] == pytest.approx(1.0)
-    assert math.isnan(scan.ranges[1])
-
-
 def erring(seed: int, headings: FloatArray, distance: float = 2.0) -> PredictedScan:
     """Return a scan of a round wall about the place, with random errors."""
     corners = [(distance * math.cos(a), distance * math.sin(a)) for a in np.radians(np.arange(0, 360, 1.0))]
@@ -85,14 +59,6 @@ def test_errors_are_normal_with_a_longer_far_tail() -> None:
     assert kstest(errors, expected.cdf).pvalue > 0.01
     assert np.mean(errors) == pytest.approx(0.0, abs=0.1 * spread)
     assert (errors > 3 * spread).sum() > 2 * (errors < -3 * spread).sum()
-
-
-def test_error_is_a_function_of_seed_and_heading_only() -> None:
-    headings = np.radians([10.0, 20.0, 30.0])
-    forwards, backwards = erring(7, headings), erring(7, headings[::-1])
-    assert forwards.ranges.tolist() == backwards.ranges[::-1].tolist()
-    assert forwards.ranges[1] == erring(7, headings[1:2] + math.tau).ranges[0]
-    assert not np.isin(forwards.ranges, erring(8, headings).ranges).any()
 
 
 @pytest.mark.parametrize(
@@ -120,13 +86,6 @@ def perpendicular(point: FloatArray, wall: FloatArray) -> float | None:
     at = float((point - start) @ along)
     foot = start + at * along
     return float(np.hypot(*(point - foot))) if 0 <= at <= np.hypot(*(end - start)) else None
-
-
-def test_kuc_siegel_misses_the_false_wall_of_figure_9() -> None:
-    silent = predict_with(Model.KUC_SIEGEL, SIMPLE, PLACE, PAPER, np.radians([270.0]))
-    detected = predict_with(Model.RAY_FOLLOWING, SIMPLE, PLACE, PAPER, np.radians([270.0]))
-    assert math.isnan(silent.ranges[0])
-    assert detected.ranges[0] == pytest.approx(0.827)
 
 
 @pytest.mark.parametrize("model", Model)

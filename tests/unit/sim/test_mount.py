@@ -11,9 +11,7 @@ from sonarhw_sim.board.profile import (
     Board,
     Mount,
     Ring,
-    is_own_body,
     load_board,
-    own_range,
     parse_board,
 )
 from sonarhw_sim.predict.predicted_scan import PredictedScan
@@ -117,22 +115,6 @@ def test_path_between_separate_sender_and_receiver_is_two_sides_of_a_triangle() 
     assert scan.ping(0).levels[scan.winners[0]] == pytest.approx(20 * math.log10(0.9 * float(one_way) ** 2), abs=1e-6)
 
 
-B12 = replace(load_board("paper-b12"), max_range=2.0)
-
-
-def test_sound_repeats_between_body_and_near_wall_which_hides_the_far_one() -> None:
-    # figure 9 with a B12 robot (text): 85 mm from the bottom wall
-    place = Place("b12", (0.45, 0.085 + 0.152))
-    scan = predict(place, 270.0, unit=Unit.PASS, board=B12)
-    rattling = ("bottom", *("body", "bottom") * 4)
-    assert scan.ranges[0] == pytest.approx(5 * 0.085, abs=1e-4)
-    assert via(scan, 0) == rattling
-    false_wall = 0.085 + ROOM.walls[:, 3].max()
-    without = predict(replace(place, position=(0.45, 0.085)), 270.0, unit=Unit.PASS)
-    assert any(echo.range == pytest.approx(false_wall) for echo in without.ping(0).echoes)
-    assert not any(echo.range == pytest.approx(false_wall, abs=1e-3) for echo in scan.ping(0).echoes)
-
-
 # A ring: each sensor receives the others, timed from its own ping.
 
 
@@ -173,13 +155,6 @@ def path_from(scan: PredictedScan, listener: int, sender: int) -> int:
         and math.isclose(scan.sender_headings[k], scan.headings[sender])
         and scan.paths.via(k, scan.room) == ("w[0]",)
     )
-
-
-def test_ring_of_one_is_a_head_on_a_body() -> None:
-    one = predict_scan(WALL_AHEAD, HERE, replace(OF_RING, ring=Ring(sensors=1, radius=0.1)), np.zeros(1))
-    head = predict_scan(WALL_AHEAD, HERE, replace(OF_RING, mount=Mount(ahead=0.1, body_radius=0.1)), np.zeros(1))
-    assert [e.range for e in one.ping(0).echoes] == pytest.approx([e.range for e in head.ping(0).echoes], abs=1e-12)
-    assert one.ranges[0] == pytest.approx(0.5)
 
 
 def test_neighbour_is_received_at_the_distance_of_its_mirror_image() -> None:
@@ -227,23 +202,6 @@ PART = "\n[[own_body]]\nfrom_deg = -10.0\nto_deg = 20.0\nnearest = 0.2\nfarthest
 
 
 WITH_BODY = parse_board(NXT.text + PART, "mine.toml")
-
-
-@pytest.mark.parametrize(
-    ("degrees", "distance", "own"),
-    [(-10, 0.2, True), (20, 0.24, True), (365, 0.22, True), (21, 0.22, False), (0, 0.25, False), (0, None, False)],
-)
-def test_a_reading_is_of_the_own_body_within_its_angles_and_ranges(
-    degrees: float, distance: float | None, own: bool
-) -> None:
-    assert is_own_body(WITH_BODY.own_body, math.radians(degrees), distance) == own
-
-
-def test_the_range_of_the_own_body_is_the_middle_of_its_nearest_part() -> None:
-    nearer = parse_board(WITH_BODY.text + PART.replace("0.2\n", "0.1\n").replace("0.24", "0.12"), "mine.toml")
-    assert own_range(WITH_BODY.own_body, 0.0) == pytest.approx(0.22)
-    assert own_range(nearer.own_body, 0.0) == pytest.approx(0.11)
-    assert own_range(WITH_BODY.own_body, math.pi) is None
 
 
 def test_the_own_body_is_predicted_on_request_where_it_is_the_nearest() -> None:

@@ -16,7 +16,6 @@ from sonarhw_sim.predict.room_echoes import plate_echo
 from sonarhw_sim.room.room import Place, Room, load_room, with_material
 
 import sonarhw
-from sonarhw import InputError
 from sonarhw.readings import FloatArray
 from tests.fixtures.rooms_for_tests import room_of
 
@@ -28,25 +27,6 @@ PAPER = load_board("paper")
 
 def predict(place: str, *degrees: float, unit: Unit = Unit.PASS) -> PredictedScan:
     return predict_scan(ROOM, ROOM.places[place], PAPER, np.radians(degrees), PredictionOptions(unit=unit))
-
-
-@pytest.mark.parametrize(
-    ("heading", "distance", "via"),
-    [
-        (90, 0.657, ("top",)),
-        (270, 0.827, ("bottom", "top", "bottom")),  # the false wall of figure 9
-        (140, math.hypot(0.774, 0.657), ("top", "left")),  # the upper left corner, as a wall
-    ],
-)
-def test_figure_9(heading: float, distance: float, via: tuple[str, ...]) -> None:
-    scan = predict("figure9", heading)
-    assert scan.ranges[0] == pytest.approx(distance, abs=1e-9)
-    assert scan.paths.via(int(scan.winners[0]), ROOM) == via
-
-
-def test_near_wall_of_figure_9_lies_within_blanking() -> None:
-    blanked = predict("figure9", 270).ping(0).blanked_echoes
-    assert blanked[0].range == pytest.approx(0.085)
 
 
 def test_figure_8_reads_past_the_unit_only_if_sound_passes_it() -> None:
@@ -280,18 +260,3 @@ def test_a_ring_has_its_own_headings_and_levels_are_over_the_threshold() -> None
     single = sonarhw.predict(room, (x, y, heading), ring)
     assert np.allclose(ranges[0], single.ranges, equal_nan=True, atol=0.001)
     assert ((levels >= 0) == np.isfinite(ranges)).mean() > 0.98
-
-
-def test_degrees_are_converted_and_shapes_checked() -> None:
-    room = sonarhw.load_room("arena")
-    pose = poses_in(room, 1, seed=1)
-    degrees = pose * [1, 1, 180 / np.pi]
-    ranges = sonarhw.predict_ranges(room, degrees, np.degrees(TWELVE), degrees=True)
-    assert np.allclose(ranges, sonarhw.predict_ranges(room, pose, TWELVE), equal_nan=True)
-    assert sonarhw.predict_ranges(room, np.empty((0, 3)), TWELVE).shape == (0, 12)
-    assert np.allclose(
-        sonarhw.predict_ranges(room, pose[0, :2], TWELVE + pose[0, 2]), ranges, equal_nan=True, atol=1e-9
-    )
-    for wrong in (np.zeros((2, 4)), [[1, np.nan, 0]], "poses"):
-        with pytest.raises(InputError, match="poses: expected"):
-            sonarhw.predict_ranges(room, wrong, TWELVE)

@@ -18,7 +18,6 @@ from sonarhw_sim.predict.predicted_scan import (
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, search_for, weigh_paths
 from sonarhw_sim.rays.paths import PATCH, Paths, PathSearch, find_paths, scattered_paths
 from sonarhw_sim.room.room import Place, Room, parse_room
-from sonarhw_sim.space.levels import rough_level_paths
 
 WAVELENGTH = 0.00696
 
@@ -93,9 +92,6 @@ def test_hidden_patches_and_a_sensor_inside_a_post_are_silent() -> None:
 QUIET = replace(load_board("polaroid-6500"), threshold_db=-60.0, own_burst_db=-200.0)
 
 
-SEARCH_LEVELS = PathSearch(8.0, 0.00696, diffraction=False)
-
-
 FLOOR = '[floor]\nheight = 0.0\nmaterial = "carpet"'
 
 
@@ -159,27 +155,6 @@ def test_level_is_the_integral_over_the_floor(height: float, degrees: float) -> 
     # by the time the power of one burst reaches the threshold
     first = float(2 * scan.distances[0])
     assert floor_level(height, first - burst, first) == pytest.approx(QUIET.threshold_db, abs=0.3)
-
-
-@pytest.mark.parametrize(
-    ("obstacle", "height", "hidden"),
-    [
-        ('[[walls]]\nname = "w"\npoints = [[1.0, -9.0], [1.0, 9.0]]\nmaterial = "foam"', "", (1.0, math.inf)),
-        # 0.3 m high, seen from 0.5 m: its shadow on the floor ends at 1 m · 0.5 / 0.2
-        ('[[walls]]\nname = "w"\npoints = [[1.0, -9.0], [1.0, 9.0]]\nmaterial = "foam"', "[0.0, 0.3]", (1.0, 2.5)),
-        ('[[walls]]\nname = "w"\npoints = [[1.0, -9.0], [1.0, 9.0]]\nmaterial = "foam"', "[0.6, 0.9]", (9.0, 9.0)),
-        # the shadow begins at the near side, 1 m away, and ends behind the far side of the lid
-        ('[[posts]]\nname = "p"\ncenter = [1.2, 0.0]\nradius = 0.2\nmaterial = "foam"', "[0.0, 0.3]", (1.0, 3.5)),
-    ],
-)
-def test_obstacles_throw_shadows(obstacle: str, height: str, hidden: tuple[float, float]) -> None:
-    room = open_room(walls=obstacle + (f"\nheight = {height}" if height else ""))
-    (paths,) = rough_level_paths(room, place_at(0.5), 0.5, SEARCH_LEVELS)
-    ahead = paths.select(np.flatnonzero(np.abs(paths.departures) < 0.02))
-    (every,) = rough_level_paths(open_room(), place_at(0.5), 0.5, SEARCH_LEVELS)
-    reaches = np.hypot(*every.points[np.abs(every.departures) < 0.02, 1].T)
-    visible = reaches[(reaches < hidden[0]) | (reaches > hidden[1])]
-    assert np.hypot(*ahead.points[:, 1].T) == pytest.approx(visible)
 
 
 # Predicted levels and readings.

@@ -9,7 +9,6 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from sonarhw_sim.rays.fan import distance_to, first_hit
-from sonarhw_sim.rays.paths import PathSearch
 from sonarhw_sim.rays.sequences import leg_is_free
 from sonarhw_sim.room import edges
 from sonarhw_sim.room.edges import edges_on_walls, find_edges
@@ -182,9 +181,6 @@ def test_a_leg_exactly_through_the_corner_of_two_walls_is_not_free() -> None:
 # Enclosures.
 
 
-SEARCH = PathSearch(8.0, 0.00696, 6)
-
-
 def separated_from(room: Room, x: float, y: float) -> set[str]:
     shut = room.enclosures.separated_from(np.array([x, y]))
     return {name for name, gone in zip(room.edges.names, shut, strict=True) if gone}
@@ -228,9 +224,6 @@ def test_the_arena_whose_walls_meet_in_mid_wall_has_an_outside() -> None:
     assert not arena.is_outside((0.0, 1.0))
     for point in ((3.0, 3.0), (-1.0, -1.0), (0.4, 1.9), (1.9, 1.2), (math.pi, 0.1)):
         assert arena.is_outside(point)
-
-
-WALLS = [[-5.0, -5.0, 5.0, -5.0], [-5.0, 5.0, 5.0, 5.0]]
 
 
 # Walls that crowd at one spot.

@@ -36,27 +36,6 @@ def arrays(*scans: Scan, notes: dict[int, str] | None = None) -> dict[str, Any]:
     return dict(np.load(file))
 
 
-def test_each_reading_has_one_row() -> None:
-    first = Scan(4.0, (reading(0, (0.01, 0.02), 21.5), reading(1, (), None)))
-    second = Scan(5.0, (reading(3, (0.03,), 20.0),))
-    found = arrays(first, second)
-    expected = {
-        "scan": [0, 0, 1],
-        "number": [0, 1, 3],
-        "sweep": [1, 1, 1],
-        "ping": [2, 2, 2],
-        "time_s": [1.0, 1.1, 0.3],
-        "heading_deg": [0.0, 10.0, 30.0],
-        "range_m": [1.7, math.nan, 5.1],
-        "echoes_s": [[0.01, 0.02], [math.nan, math.nan], [0.03, math.nan]],
-        "temperature_c": [21.5, math.nan, 20.0],
-        "speed_of_sound": [340.0, 340.0, 340.0],
-    }
-    assert set(found) == set(expected)
-    for name, column in expected.items():
-        np.testing.assert_allclose(found[name], column, rtol=1e-12)
-
-
 def test_poses_are_columns_in_metres_and_degrees() -> None:
     placed = replace(reading(1, (0.01,), None), pose=(0.5, -2.0, math.radians(30)))
     scans = Scan(5.0, (reading(0, (), None), placed))

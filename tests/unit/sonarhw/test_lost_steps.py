@@ -15,7 +15,6 @@ from sonarhw.readings import (
     Reading,
     first_unverified,
     lost_steps_clause,
-    nearest_mark,
     split_at_homings,
     unverified_clause,
 )
@@ -63,18 +62,6 @@ def test_steps_lost_in_a_single_sweep_are_reported_after_its_last_reading_and_in
         assert scan.angle_warning == "the turntable lost steps; all 72 angles may be wrong, from 0° on"
 
 
-def test_steps_lost_after_a_home_do_not_affect_the_scan_before_it(tmp_path: Path) -> None:
-    path, bench = tmp_path / "scan.mcap", Bench(faulty("slip=40@r72"))
-    with LogWriter(path, METADATA) as log:
-        bench.session.recording.use(log)
-        bench.scanned(StartScan(0, 5_000_000, 71, 1, 1))
-        bench.do(homing())
-        scan_that_loses_steps(bench, StartScan(0, 5_000_000, 2, 1, 1))
-    first, second = read_log(path).scans
-    assert first.angle_warning is None
-    assert second.angle_warning is not None
-
-
 @pytest.mark.parametrize("seed", range(12))
 def test_no_verified_reading_has_a_wrong_angle(seed: int) -> None:
     choice = random.Random(seed)
@@ -93,26 +80,6 @@ def test_no_verified_reading_has_a_wrong_angle(seed: int) -> None:
     assert str(lost_steps_clause([angles])) in message
     for reading in readings[: first_unverified(angles)]:
         assert reading.echo_times[0] == pytest.approx(echo_time(reading.angle), abs=2e-9)
-
-
-UNVERIFIED = "of 72 angles, from 0° on, could not be checked for lost steps: the turntable had to home again"
-
-
-# a board that receives nothing from its host continues for two seconds, then releases the motor
-@pytest.mark.parametrize(("faults", "count"), [("reset@r30", 30), ("slip=40@r5,reset@r30", 30), ("deaf=3@r30", 46)])
-def test_angles_before_a_homing_during_a_scan_are_reported_at_once_and_in_the_log(
-    faults: str, count: int, tmp_path: Path
-) -> None:
-    path, bench = tmp_path / "scan.mcap", Bench(faulty(faults))
-    with LogWriter(path, METADATA) as log:
-        bench.session.recording.use(log)
-        job = bench.do(scanning(WHOLE_TURN), within=600)
-    assert len(job.readings) == 72
-    assert job.unverified_angles == f"{count} {UNVERIFIED}"
-    for file in whole_torn_and_copied(path):
-        (scan,) = read_log(file).scans
-        assert len(scan.readings) == 72
-        assert scan.angle_warning == f"{count} {UNVERIFIED}"
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -148,44 +115,6 @@ def test_readings_are_split_at_a_homing() -> None:
     assert "2 of 5 angles, from -20° on" in str(unverified_clause(runs))
     assert lost_steps_clause(runs) == "the last 3 of 5 angles may be wrong, from 0° on"
     assert lost_steps_clause([angles, angles[:0]]) is None
-
-
-def test_a_mark_passed_counter_clockwise_verifies_the_readings_before_it() -> None:
-    angles = np.radians([*range(-40, 45, 10), *range(40, -45, -10), *range(-40, 45, 10)])
-    assert first_unverified(angles) == 22
-    assert lost_steps_clause([angles]) == "the last 5 of 27 angles may be wrong, from 0° on"
-    assert first_unverified(angles[:9]) == 4
-    # marks that are passed clockwise, or only reached, verify nothing
-    assert first_unverified(angles[:18]) == 4
-    assert first_unverified(np.radians([*range(0, 360, 10)])) == 0
-    assert first_unverified(np.radians([*range(0, 365, 10)])) == 0
-    assert first_unverified(np.radians([-5, 0, 5])) == 0
-    assert first_unverified(np.radians([*range(300, 800, 10)])) == 42
-
-
-@pytest.mark.parametrize(
-    ("angle", "lowest", "highest", "mark"),
-    [(355, -717, 714, 360), (175, -717, 714, 0), (-300, -717, 714, -360), (715, -717, 714, 360), (170, -180, 180, 0)],
-)
-def test_the_nearest_mark_is_within_the_limits_of_the_cable(
-    angle: float, lowest: float, highest: float, mark: int
-) -> None:
-    assert nearest_mark(*map(math.radians, (angle, lowest, highest))) == pytest.approx(math.radians(mark))
-    assert nearest_mark(1.0, 0.5, 2.0) is None
-
-
-@pytest.mark.parametrize(
-    ("degrees", "unverified"),
-    [
-        *(((begin, 10, 20), count) for begin, count in ((-5, 0), (-5.9, 0), (-6.1, 1), (-30, 1))),
-        *(((-30, end), count) for end, count in ((5.9, 0), (6.1, 1))),
-    ],
-)
-def test_a_mark_is_checked_only_6_degrees_behind_it_and_after_an_approach_longer_than_the_backlash(
-    degrees: tuple[float, ...], unverified: int
-) -> None:
-    """3° of backlash and 3° of approach; without them the table might not yet move where it reaches the mark."""
-    assert first_unverified(np.radians(degrees)) == unverified
 
 
 def test_steps_lost_before_the_first_reading_are_an_error_without_angles() -> None:

@@ -183,17 +183,6 @@ def test_what_the_scanner_rejected_before_is_no_failure() -> None:
     assert (first.check, first.verdict) == ("line", "pass")
 
 
-def test_a_slipping_table_fails_the_steps() -> None:
-    board = FakeBoard(HallEchoes(), seed=2)
-    made = []
-    with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint, Scanner.open(endpoint.url) as scanner:
-        for diagnosis in examine(scanner, True, None):
-            made.append(diagnosis)
-            if diagnosis.check == "zero":
-                board.slip(40)
-    assert [diagnosis.check for diagnosis in made if diagnosis.verdict == "FAIL"] == ["steps"]
-
-
 class NoisyHall(HallEchoes):
     """The hall, with hum on the tap of the trace."""
 

@@ -1,6 +1,5 @@
 """A device that breaks the document ends the scan with one line that names the rule. No wrong value becomes a range."""
 
-import tracemalloc
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +8,6 @@ import pytest
 
 from sonarhw.errors import DeviceError
 from sonarhw.host.scripts import Job, configuring, scanning
-from sonarhw.log import LogMetadata, LogWriter, read_log
 from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
 from sonarhw.wire.messages import (
     Configure,
@@ -22,7 +20,6 @@ from sonarhw.wire.messages import (
     StartScan,
     unpack_message,
 )
-from sonarhw.wire.readings_of_frames import Progress
 from tests.fixtures.bench import Bench, rewriting
 
 ORDER = StartScan(start=0, step=10_000_000, headings=36, sweeps=1, pings=1)
@@ -112,33 +109,6 @@ def test_settings_that_measure_nothing_are_refused(settings: dict[str, int], rul
     bench = Bench().connect()
     bench.up = rewriting(lambda message: replace(message, **settings) if isinstance(message, Settings) else message)
     assert rule in str(bench.run(configuring(SETTINGS)).error)
-
-
-def test_a_number_far_ahead_needs_no_memory() -> None:
-    progress = Progress(2**32 - 1)
-    tracemalloc.start()
-    assert progress.take(60_000_000)
-    assert progress.take(2**32 - 2)
-    assert tracemalloc.get_traced_memory()[1] < 100_000
-    tracemalloc.stop()
-    assert progress.missing == 2**32 - 3
-    assert progress.next_missing() == (0, 60_000_000)
-
-
-@pytest.mark.parametrize("case", ["empty", "turned", "late"])
-def test_a_log_of_such_a_device_holds_no_wrong_reading(case: str, tmp_path: Path) -> None:
-    path = tmp_path / "a.mcap"
-    changed = CASES[case][0]
-    bench = Bench().connect()
-    with LogWriter(path, LogMetadata("scan", 0.0)) as log:
-        bench.session.recording.use(log)
-        bench.run(configuring(SETTINGS))
-        bench.up = rewriting(changed)
-        bench.run(scanning(ORDER))
-    scans = read_log(path).scans
-    assert [one.number for scan in scans for one in scan.readings] == ([0, 1, 2] if case != "empty" else [0])
-    for scan in scans:
-        assert scan.expected == 36
 
 
 def test_counts_in_heartbeats_and_finished_beyond_the_scan_are_harmless() -> None:

@@ -133,21 +133,6 @@ def test_a_lost_reading_is_requested_at_the_next_heartbeat_and_again_after_a_whi
     assert requests[2] - requests[1] == pytest.approx(ASK_AGAIN, abs=1e-3)
 
 
-def test_readings_lost_just_before_the_end_of_the_scan_are_requested(bench: Bench) -> None:
-    """Finished states how many readings the board has made."""
-    numbers: list[int] = []
-
-    def unwanted(message: Message) -> bool:
-        if isinstance(message, ReadingMessage):
-            numbers.append(message.number)
-        late = isinstance(message, ReadingMessage) and message.number >= 58 and numbers.count(message.number) == 1
-        return late or isinstance(message, Heartbeat)
-
-    bench.up = without(unwanted)
-    assert_complete(bench.scanned(ORDER))
-    assert numbers.count(0) == 1
-
-
 def test_late_messages_of_an_earlier_scan_or_conversation_change_nothing(bench: Bench) -> None:
     late: list[bytes] = []
     lost = without(lambda message: isinstance(message, ReadingMessage) and message.number == 3)
@@ -295,15 +280,6 @@ def test_a_zero_set_by_hand_is_not_replaced_by_homing_after_a_reset(bench: Bench
     assert bench.board.zero is Zero.UNKNOWN
 
 
-def test_after_a_reset_pings_in_place_continue_without_homing(bench: Bench) -> None:
-    bench.do(homing())
-    scan = bench.scan(start_scan(pings_in_place(20)), readings=7)
-    bench.reset()
-    bench.until(lambda: scan.done)
-    assert sorted(reading.number for reading in scan.readings) == list(range(20))
-    assert bench.board.zero is Zero.UNKNOWN
-
-
 @pytest.mark.parametrize("returns", [False, True])
 def test_another_device_at_the_same_usb_socket_is_refused_until_the_right_one_returns(returns: bool) -> None:
     bench = Bench(reconnect=20.0).connect()
@@ -348,17 +324,6 @@ def test_pauses_between_attempts_grow_to_4_s_and_an_idle_session_never_gives_up(
     assert np.diff(tries)[:5] == pytest.approx([0.5, 1.0, 2.0, 4.0, 4.0])
     assert np.diff(tries)[5:].max() == pytest.approx(4.0)
     assert bench.do(turning(Turn(5_000_000))).result is Outcome.DONE
-
-
-def test_jobs_while_the_device_is_lost_wait_or_are_stopped(bench: Bench) -> None:
-    bench.pull(5.0)
-    bench.until(lambda: bench.session.state is Connection.LOST)
-    scan = bench.scan(ORDER)
-    waiting = bench.session.start(turning(Turn(90_000_000)), bench.now)
-    bench.session.stop(waiting, bench.now)
-    assert (waiting.done, waiting.result, scan.done) == (True, Outcome.STOPPED, False)
-    bench.until(lambda: scan.done)
-    assert_complete(scan.readings)
 
 
 @pytest.mark.parametrize("stopped_first", [False, True])
@@ -413,31 +378,9 @@ def test_a_recorder_that_fails_ends_its_job_and_stops_the_board(bench: Bench) ->
     assert_complete(bench.scanned(ORDER))
 
 
-def test_a_recorder_receives_nothing_between_jobs(bench: Bench) -> None:
-    recorder = Counting()
-    bench.session.recording.use(recorder)
-    assert recorder.frames == 3  # the greeting
-    bench.do(homing())
-    count = recorder.frames
-    assert count > 5
-    bench.wait(5.0)
-    assert recorder.frames == count
-
-
 # the speed of the line, and its greeting
 
 FAST = BoardIdentity(serial="FAST", bauds=(250_000, 500_000, 1_000_000))
-
-
-@pytest.mark.parametrize("clean_down", [False, True], ids=["damaged in both directions", "damaged to the host"])
-@pytest.mark.parametrize("clean_up_to", [250_000, 500_000, 1_000_000])
-def test_the_line_uses_the_highest_speed_without_errors(clean_up_to: int, clean_down: bool) -> None:
-    bench = Bench(identity=FAST, bauds=True)
-    bench.highest_clean_baud, bench.clean_down = clean_up_to, clean_down
-    bench.connect()
-    assert bench.session.device.baud == bench.board.line.baud == clean_up_to
-    assert bench.now < 10
-    assert_complete(bench.scanned(ORDER))
 
 
 def test_a_speed_that_failed_is_not_used_in_a_later_conversation() -> None:

@@ -12,10 +12,9 @@ import pytest
 
 import sonarhw.files
 import sonarhw.log.writer
-from sonarhw.errors import LogError, OutputError
+from sonarhw.errors import LogError
 from sonarhw.files import DiskSpaceMonitor, log_size
 from sonarhw.log import LogWriter, copy_log, read_log
-from sonarhw.log.writer import write_scan
 from tests.fixtures.example_logs import METADATA, STARTED, example_reading, write_example
 from tests.hang_guard import HANG
 from tests.unit.sonarhw.log.test_log import reading_frame
@@ -95,32 +94,6 @@ def record_one(log: LogWriter, number: int) -> None:
     log.reading(example_reading(number))
 
 
-def record_until_error(log: LogWriter, drive: Drive) -> None:
-    """Record readings until an error occurs; the first writes after the removal may still succeed."""
-    for number in range(3, 1000):
-        record_one(log, number)
-        drive.wait()
-
-
-def test_a_removed_drive_gives_an_error_with_the_number_of_kept_readings(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    drive = Drive(monkeypatch, tmp_path / "scan.mcap")
-    log = LogWriter(tmp_path / "scan.mcap", METADATA)
-    drive.wait()
-    for number in range(3):
-        record_one(log, number)
-        drive.wait()
-    drive.removed = True
-    with pytest.raises(LogError) as raised:
-        record_until_error(log, drive)
-    assert str(raised.value) == (
-        f"{tmp_path / 'scan.mcap'}: can no longer be written: Input/output error; 3 readings are kept in it; "
-        "record to another disk"
-    )
-    log.close()
-
-
 @pytest.mark.parametrize(
     ("fault", "copied"), [("full", True), ("full", False), ("deleted", True), ("removed", True), ("removed", False)]
 )
@@ -178,20 +151,6 @@ def test_a_disk_that_never_answers_does_not_hold_the_end_of_a_log(
     with pytest.raises(LogError, match=r"its disk has not answered for 0\.1 s; nothing is recorded"):
         log.close()
     answers.set()
-
-
-def test_a_file_that_appears_while_a_log_is_written_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = tmp_path / "scan.mcap"
-    fsync = os.fsync
-
-    def user_creates_a_file(descriptor: int) -> None:
-        fsync(descriptor)
-        path.write_text("mine")
-
-    monkeypatch.setattr(os, "fsync", user_creates_a_file)
-    with pytest.raises(OutputError, match="exists already"):
-        write_scan(path, METADATA, [example_reading(0)])
-    assert [(one.name, one.read_text()) for one in tmp_path.iterdir()] == [("scan.mcap", "mine")]
 
 
 # replacing an old log

@@ -1,7 +1,7 @@
 """A closed log opened by its index gives the same data as its frames, and its traces are read on first use."""
 
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +14,8 @@ import sonarhw.log.reader
 from sonarhw.errors import NotALog
 from sonarhw.log import Log, LogWriter, copy_log, read_log
 from sonarhw.log.writer import write_scan
-from sonarhw.readings import Reading, Trace
-from sonarhw.wire.messages import Finished, Hello, Info, Settings, Started, StartScan, TraceChunk
+from sonarhw.readings import Trace
+from sonarhw.wire.messages import Finished, Hello, Info, Settings, Started, StartScan
 from sonarhw.wire.readings_of_frames import reading_message, trace_chunks
 from tests.fixtures.example_logs import METADATA, SPEED, STARTED, assert_readings_close, example_reading, write_example
 from tests.oracles.mcap_doctor import complaints
@@ -111,14 +111,6 @@ def record(path: Path, frames: Conversation) -> None:
                 log.reading(example_reading(number))
 
 
-@pytest.fixture
-def only_by_index(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*_: object) -> None:
-        raise AssertionError
-
-    monkeypatch.setattr(sonarhw.log.reader, "_decoded", refuse)
-
-
 def read_by_frames(path: Path, monkeypatch: pytest.MonkeyPatch) -> Log:
     with monkeypatch.context() as without:
         without.setattr(sonarhw.log.reader, "_stored_index", lambda *_: None)
@@ -158,17 +150,6 @@ def test_the_index_and_the_frames_of_a_healthy_file_give_the_same_scans(
         assert (reading.trace.rate, reading.trace.start) == pytest.approx((wanted.rate, wanted.start))
 
 
-@pytest.mark.usefixtures("only_by_index")
-def test_the_index_contains_every_field_of_a_reading(tmp_path: Path) -> None:
-    reading = replace(example_reading(1, trace=True, sweep=3), ping=2, number=0, time=0.0, pose=(1.0, 2.0, 3.0))
-    write_scan(tmp_path / "scan.mcap", METADATA, [reading])
-    (read,) = read_log(tmp_path / "scan.mcap").readings
-    defaults = Reading(0, 0, 0, 0.0, 0.0, (), 0.0)
-    same = [field.name for field in fields(Reading) if getattr(read, field.name) == getattr(defaults, field.name)]
-    assert same == ["number", "time"]
-    assert read.host_time == pytest.approx(STARTED, abs=0.1)
-
-
 def test_a_late_reading_of_the_previous_scan_is_left_out_of_the_next_scan(
     tmp_path: Path,
 ) -> None:
@@ -189,18 +170,6 @@ def test_a_lost_part_of_a_trace_is_a_gap(tmp_path: Path) -> None:
     assert whole is not None
     assert [*np.flatnonzero(np.isnan(gappy.samples))] == [*range(256, 512)]
     assert not np.isnan(whole.samples).any()
-
-
-def test_a_carrier_keeps_its_sign(tmp_path: Path) -> None:
-    chunk = TraceChunk(0, 0, 4, 13_000, 0, bytes([0, 128, 255, 128]), kind=2)
-    reading = frame_of(reading_message(example_reading(0), SOUND))
-    record(
-        tmp_path / "scan.mcap", [SETTINGS, (True, frame_of(Started(7, 1))), (True, reading), (True, frame_of(chunk))]
-    )
-    (read,) = read_log(tmp_path / "scan.mcap").readings
-    assert read.trace is not None
-    assert read.trace.carrier
-    assert read.trace.samples == pytest.approx([-1, 0, 1, 0], abs=0.01)
 
 
 def test_a_trace_is_read_on_first_use(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

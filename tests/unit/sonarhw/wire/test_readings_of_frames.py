@@ -222,22 +222,6 @@ def test_time_never_runs_back_at_a_reset() -> None:
 
 
 @pytest.mark.parametrize(
-    ("frames", "resets"),
-    [
-        *((((10.0, 0.0), (10.0 - back, 0.01)), resets) for back, resets in ((0.9, 0), (1.1, 1))),
-        *(
-            ((a, (0.0, 0.0), (0.001, 0.001), b, (1.0, 1.0)), resets)
-            for a, b, resets in ((1, 2, 1), (2, 1, 1), (1, 1, 0), (0, 1, 0), (1, 0, 0))
-        ),
-    ],
-)
-def test_only_a_large_step_back_or_a_changed_boot_count_is_a_reset(
-    frames: tuple[tuple[float, float] | int, ...], resets: int
-) -> None:
-    assert clock_of(*frames).resets == resets
-
-
-@pytest.mark.parametrize(
     ("frames", "drift"),
     [
         *(([(k, k * (1 + drift)) for k in range(30)], math.copysign(MOST_DRIFT, drift)) for drift in (-0.05, 0.05)),
