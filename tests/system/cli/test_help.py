@@ -20,16 +20,6 @@ def test_h_is_the_help_of_every_command(capsys: pytest.CaptureFixture[str]) -> N
         assert short.startswith("Usage: ")
 
 
-def test_a_list_of_commands_shows_whole_sentences_on_a_narrow_terminal(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("COLUMNS", "50")
-    for command in ([], ["log"], ["room"], ["profile"]):
-        assert run([*command, "--help"]) == 0
-        printed = capsys.readouterr().out
-        assert "..." not in printed.partition("\nOptions:\n")[2]
-
-
 def test_commands_stand_under_headings_of_at_most_eight_and_sonarhw_alone_shows_first_steps(
     capsys: pytest.CaptureFixture[str],
 ) -> None:

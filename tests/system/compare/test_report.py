@@ -154,18 +154,6 @@ def test_pictures_have_valid_formats_and_a_scan_without_traces_has_no_bscan(repo
     assert [kind for kind, _ in PICTURE.findall(report_html(without))] == ["svg", "svg"]
 
 
-def test_report_scores_the_probabilities_and_draws_their_calibration_for_a_board_with_a_spread(report: Report) -> None:
-    silent = [replace(row.reading, echo_times=(), trace=None) for row in report.comparison.rows]
-    board = replace(report.comparison.prediction.board, threshold_db=0.0, threshold_sd_db=2.0, range_sd=0.01)
-    made = of_readings(report, silent, board=board)
-    page, score = report_html(made), made.score
-    assert [kind for kind, _ in PICTURE.findall(page)] == ["svg", "svg", "svg"]
-    assert score is not None
-    assert sum(one.n for one in score.calibration) == len(silent)
-    assert f"{score.log_score:.2f} (mean logarithm" in page
-    assert all(f"{one.stated:.0%} and {one.observed:.0%} of {one.n}" in page for one in score.calibration)
-
-
 def test_names_from_files_are_escaped(report: Report, log: Path) -> None:
     text = report.comparison.prediction.room.text.replace('name = "Simple room"', 'name = "<script>alert(1)</script>"')
     page = report_html(of_readings(report, read_log(log).readings, "<b>.mcap", room=parse_room(text, "room")))

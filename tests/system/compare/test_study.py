@@ -1,7 +1,6 @@
 """Studies: validation, reproducible scans, interruption, workers and results."""
 
 import json
-import math
 import os
 import signal
 import subprocess
@@ -81,25 +80,6 @@ def test_noise_has_a_seed_of_its_own_for_each_case_and_of_the_study(tmp_path: Pa
     assert seeds(5, 0.1) == drawn
     assert not set(seeds(6, 0.1)) & set(drawn)
     assert set(seeds(5, 0.0)) == {None}
-
-
-@pytest.mark.parametrize(
-    ("given", "reflectance", "scatter"),
-    [("", 0.95, 0.36), ("scatter = 0.19", 0.95, 0.19), ("reflectance = 0.5", 0.5, 0.36)],
-)
-def test_varied_properties_of_a_material_change_and_the_others_stay(
-    tmp_path: Path, given: str, reflectance: float, scatter: float
-) -> None:
-    study = 'name = "v"\nseed = 1\nboards = ["paper"]\n[[rooms]]\nfile = "{}"\nplaces = ["figure9"]\n{}'
-    file = tmp_path / "room.toml"
-    file.write_text(
-        (ROOMS / "simple.toml").read_text().replace("[materials.shelving]", "[materials.shelving]\nscatter = 0.36")
-    )
-    varied = f"[vary.materials.shelving]\n{given}\n" if given else ""
-    room = Cases(study_of(tmp_path, study.format(file, varied))).case(0).room
-    shelf = room.materials.index("shelving")
-    assert room.reflectances[shelf] == pytest.approx(reflectance * math.sqrt(1 - scatter))
-    assert room.scattered[shelf] == pytest.approx(reflectance * math.sqrt(scatter))
 
 
 def test_a_scan_of_a_study_equals_simulate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -19,16 +19,12 @@ from PySide6.QtTest import QTest
 from pytestqt.exceptions import capture_exceptions
 from sonarhw_compare.match import compare_readings
 from sonarhw_gui.jobs.forecast import (
-    EFFORTS,
-    FIRST_LEVEL,
     LATE,
     REST,
     STRETCH,
-    Effort,
     Forecast,
     compare_stretches,
     find_paths,
-    next_level,
 )
 from sonarhw_gui.jobs.jobs import BackgroundJob, Jobs
 from sonarhw_gui.jobs.traces import BScanSettings, Pane
@@ -267,28 +263,6 @@ def test_a_moving_sensor_gets_drafts_and_a_resting_one_the_full_prediction_with_
     finished(forecast, jobs)
     assert np.allclose(forecast.outline.ranges, exact.ranges, atol=1e-9, equal_nan=True)
     assert len(forecast.outline.paths) > len(draft.paths)
-
-
-def test_slow_drafts_have_fewer_bounces_and_no_path_detectable_at_any_heading_is_left_out(scene: Scene) -> None:
-    usual = EFFORTS[FIRST_LEVEL]
-    level = next_level(FIRST_LEVEL, 0.1)
-    assert EFFORTS[level].max_bounces < usual.max_bounces
-    for _ in range(10):
-        level = next_level(level, 0.001)
-    assert EFFORTS[level].max_bounces > usual.max_bounces
-    assert EFFORTS[level].limit(scene.options).receiver is scene.options.receiver
-    assert usual.limit(scene.options).receiver is Receiver.FIRST_ECHO
-    assert next_level(level, 0.010) == level
-    draft, whole = (find_paths(1, scene, o) for o in (Effort(2, 720, 36).limit(scene.options), scene.options))
-    assert (draft.draft, whole.draft) == (True, False)
-    assert draft.paths.bounces.max() <= 2
-    assert len(whole.paths) > len(draft.paths)
-    assert np.isfinite(whole.outline.ranges).sum() >= np.isfinite(draft.outline.ranges).sum()
-    headings = np.radians(np.arange(0.25, 360.0, 0.5))  # beside those of the outline
-    everything = predict_scan(scene.room, scene.pose, scene.board, headings)
-    loud = {everything.paths.lengths[echo.path] for k in range(len(headings)) for echo in everything.ping(k).echoes}
-    assert 0 < len(loud) < len(everything.paths)
-    assert loud <= set(whole.paths.lengths)
 
 
 def test_an_hour_of_comparison_takes_little_memory(scene: Scene) -> None:

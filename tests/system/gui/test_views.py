@@ -22,13 +22,12 @@ from pytestqt.qtbot import QtBot
 from sonarhw_compare.match import Kind, compare_readings
 from sonarhw_gui.jobs import forecast
 from sonarhw_gui.jobs.forecast import STRETCH, ComparedScan, PathsFound, Stretch
-from sonarhw_gui.jobs.traces import Pane, bscan_slice, chosen_trace
+from sonarhw_gui.jobs.traces import Pane, chosen_trace
 from sonarhw_gui.model.look import DARK, LIGHT, LengthUnit, Look, Unclassed, ViewLayer
 from sonarhw_gui.model.rows import Column, RowQuery, order_of, rows_as_csv
 from sonarhw_gui.model.scene import NoteTexts, Scene
 from sonarhw_gui.model.shown import Cursor, Shown
 from sonarhw_gui.views.base import View
-from sonarhw_gui.views.bscan import BScanView
 from sonarhw_gui.views.plan import PlanDrawing
 from sonarhw_gui.views.ranges import RangeView
 from sonarhw_gui.views.table import Sentence, TableView, shortened_to_lines
@@ -283,23 +282,6 @@ def test_a_live_scan_fills_the_bscan_in_the_pane_that_the_user_has_chosen(open_w
     until(lambda: ended(window) and predicted(window) and computed(window))
     until(lambda: len(window.session.shown.bscan.measured.headings) == ORDER.readings)
     assert window.views.bscan.choices.checkedAction().text() == "Recorded"
-
-
-def test_a_bscan_alone_reports_what_is_missing_and_draws_no_picture_of_another_wish(qtbot: QtBot, scene: Scene) -> None:
-    open_application()
-    view = BScanView()
-    alone(qtbot, view, 700, 500)
-    view.show_state(Shown(scene))
-    assert "computing …" in view.note.text()
-    stale = bscan_slice(scene, (), None, replace(view.settings, polar=True), LIGHT, None)
-    view.show_state(Shown(scene, bscan_ref=ref(stale)))
-    assert view.panes[Pane.MEASURED]._image.image is None
-    readings = tuple(Reading(k, 0, 0, math.radians(10 * k), 0.1 * k, (0.003,), SPEED) for k in range(36))
-    answer = bscan_slice(scene, readings, None, view.settings, LIGHT, None)
-    view.show_state(Shown(scene, readings=readings, chosen=3, bscan_ref=ref(answer)))
-    assert "no traces recorded" in view.note.text()
-    assert "no prediction" in view.note.text()
-    assert np.isfinite(answer.measured.levels).sum() == 36
 
 
 # the trace

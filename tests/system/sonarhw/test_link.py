@@ -10,7 +10,7 @@ import pytest
 import serial
 from serial.tools.list_ports_common import ListPortInfo
 
-from sonarhw.errors import InputError, LinkError, LinkLost, SonarError
+from sonarhw.errors import InputError, LinkError, SonarError
 from sonarhw.link import BOOTLOADER, Link, PortFinder
 from sonarhw.wire.limits import FIRST_BAUD
 from tests.hang_guard import wait_until
@@ -98,19 +98,6 @@ def test_the_speed_reaches_the_terminal(terminal: str) -> None:
             assert termios.tcgetattr(descriptor)[4] == termios.B500000
         finally:
             os.close(descriptor)
-
-
-def test_a_failure_to_set_the_speed_is_a_lost_link(terminal: str) -> None:
-    link = Link(terminal)
-    link.close()
-    os.close(os.open(terminal, os.O_RDONLY | os.O_NOCTTY))
-    link._port.flush = fail
-    with pytest.raises(LinkLost, match="link was lost"):
-        link.set_baud(500_000)
-
-
-def fail() -> None:
-    raise OSError("gone")
 
 
 def test_closing_a_port_leaves_dtr_unchanged(terminal: str) -> None:

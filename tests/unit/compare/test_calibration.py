@@ -120,27 +120,6 @@ TOLERANCES = {
 }
 
 
-def test_a_ring_down_that_differs_from_the_swelling_is_found() -> None:
-    hidden = {"rise_cycles": 2.0, "ring_cycles": 9.0}
-    scans = plates(hidden_board(**hidden), distances=(0.25, 0.5, 1.0), seed=3)
-    found = {one.key: one for one in calibrate_with_plates(start_board(), scans).findings}
-    for key, value in hidden.items():
-        assert found[key].low <= value <= found[key].high, key
-        assert found[key].value == pytest.approx(value, rel=0.05), key
-    assert found["ring_cycles"].before == start_board().rise_cycles
-    assert found["own_burst_db"].value == pytest.approx(CONSTANTS["own_burst_db"], abs=TOLERANCES["own_burst_db"])
-    assert found["aperture_radius"].value == pytest.approx(CONSTANTS["aperture_radius"], rel=0.02)
-
-
-def test_one_plate_shows_no_gain_and_no_blanking() -> None:
-    start, scans = start_board(), plates(hidden_board(), distances=(1.0,))
-    found = calibrate_with_plates(start, scans)
-    assert found.kept["gain_step_db"] == "one log shows the gain at one time only"
-    assert "no plate is so near" in found.kept["blanking"]
-    assert (found.board.gain_step_db, found.board.blanking) == (start.gain_step_db, start.blanking)
-    assert found.board.aperture_radius == pytest.approx(CONSTANTS["aperture_radius"], rel=0.02)
-
-
 def test_what_the_scans_hardly_determine_stays() -> None:
     """With an ideal gain and a threshold above the side lobes, one arc gives a relation of aperture and threshold."""
     start = replace(load_board("paper"), threshold_db=-20.0)

@@ -31,7 +31,7 @@ from sonarhw_compare.fit.search import averaged
 from sonarhw_compare.fit.starting import fit_scan
 from sonarhw_compare.scans import GivenScan
 from sonarhw_sim.board.profile import Mount, load_board
-from sonarhw_sim.room.room import Place, ReflectanceTable, Room, load_room, parse_room
+from sonarhw_sim.room.room import Place, load_room, parse_room
 
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
@@ -63,29 +63,6 @@ def test_a_word_frees_its_group_and_a_part_only_itself(free: str, scans: list[st
     assert [one.name for one in free_parameters(free.split(), scans, ROOM, BOARD)] == names.split()
     assert words_of(PlaceQuantity) == "position (x, y), heading"
     assert all(word.partition("[")[0] in words_of() for word in WORDS)
-
-
-TABLED = replace(ROOM, tables={"m0": ReflectanceTable(np.zeros(1), np.array([5e4]), np.array([[0.3]]))})
-
-
-@pytest.mark.parametrize(
-    ("free", "room", "message"),
-    [
-        ("colour", ROOM, "free colour: unknown quantity"),
-        ("x:w0", ROOM, "free x:w0: x belongs to a scan, not to a part of the room; write x"),
-        ("wall:p0", ROOM, "unknown wall 'p0'; room 'test room' has w0, w1"),
-        ("temperature speed", ROOM, "each determines the other"),
-        ("reflectance:m0", TABLED, "unknown reflectance 'm0'; room .* has m1, m2"),
-        (
-            "reflectances",
-            replace(TABLED, tables=dict.fromkeys(ROOM.materials, TABLED.tables["m0"])),
-            "room .* has no reflectance that a fit can change",
-        ),
-    ],
-)
-def test_what_cannot_be_free_is_refused(free: str, room: Room, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        free_parameters(free.split(), [""], room, BOARD)
 
 
 FREE = ("x", "heading", "temperature")

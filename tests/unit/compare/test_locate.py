@@ -1,6 +1,5 @@
 """Poses: probabilities of places, doubts, and what is wrong with a table of poses; and a robot that is tracked."""
 
-import json
 import math
 from pathlib import Path
 
@@ -59,16 +58,6 @@ def test_a_heading_that_contradicts_the_stated_one_is_doubtful(stated: float, tu
     unlikely = "from --heading, which is unlikely with this --heading-sd; check both"
     expected = [] if turn is None else [f"scan: step 0 of the first pose is {turn}° {unlikely}"]
     assert [with_options(doubt) for doubt in found.doubts] == expected
-
-
-def test_figures_of_a_pose_have_no_unknown_deviation_and_no_negative_zero() -> None:
-    figures = Pose((1.0, 1.0), 0.5, 0.0, 1.0, (0.01, 0.01, math.radians(400))).figures(None)
-    assert figures["heading_deviation_deg"] is None
-    pose = Pose((-1e-9, -1e-9), math.radians(-0.1), -1e-9, 1.0, (0.01, 0.01, 0.01))
-    for heading, expected in ((0.0, -0.1), (math.radians(270), 359.9)):
-        figures = pose.figures(Place("p", (0.0, 0.0), heading))
-        assert figures["heading_deg"] == pytest.approx(expected)
-        assert "-0.0," not in json.dumps(figures)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

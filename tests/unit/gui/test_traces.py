@@ -1,7 +1,6 @@
 """Traces and B-scans as arrays: times, levels, gains, carriers and gaps, checked against physics."""
 
 import math
-import sys
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -35,7 +34,6 @@ from sonarhw_gui.jobs.traces import (
 )
 from sonarhw_gui.model.look import LIGHT
 from sonarhw_gui.model.scene import Scene
-from sonarhw_gui.session.scanner import PackedTrace, packed
 from sonarhw_sim.air import Air, Receiver
 from sonarhw_sim.board.profile import Mount, load_board
 from sonarhw_sim.board.signal import CONVERTER_RATE
@@ -45,7 +43,6 @@ from sonarhw_sim.room.room import Place, Room, load_room
 
 from sonarhw.errors import NotALog
 from sonarhw.readings import FloatArray, Reading, Trace
-from sonarhw.wire.messages import FULL_SCALE
 from tests.fixtures.window_scene import ROOM
 
 SPEED = 343.2
@@ -314,20 +311,3 @@ def test_a_carrier_is_predicted_at_the_sample_rate_of_the_measured_one(before_a_
 
 
 # packed traces
-
-FORMS = {8: (np.uint8, FULL_SCALE), 16: (np.uint16, 257 * FULL_SCALE)}
-
-
-@pytest.mark.parametrize("bits", FORMS)
-@pytest.mark.parametrize("carrier", [False, True])
-def test_a_packed_trace_has_the_same_samples_in_an_eighth_or_a_quarter_of_the_memory(bits: int, carrier: bool) -> None:
-    form, full = FORMS[bits]
-    steps = np.random.default_rng(1).integers(0, full, 3000, endpoint=True).astype(form)
-    levels = steps / full
-    trace = Trace(2 * levels - 1 if carrier else levels, 50e3, 0.001, carrier)
-    small = packed(trace)
-    assert isinstance(small, PackedTrace)
-    np.testing.assert_array_equal(small.samples, trace.samples)
-    np.testing.assert_array_equal(small.times, trace.times)
-    assert (small.rate, small.start, small.carrier) == (50e3, 0.001, carrier)
-    assert sys.getsizeof(small.__dict__["_steps"]) < trace.samples.nbytes * bits / 64 + 200

@@ -19,7 +19,6 @@ from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
 from sonarhw_sim.room.room import Place, Room, load_room
 
 from sonarhw.errors import InputError
-from sonarhw.readings import FloatArray
 from tests.fixtures.rooms_for_tests import polygon_room
 
 ROOM = load_room("rooms/simple.toml")
@@ -40,12 +39,6 @@ def predict(place: Place, *degrees: float, unit: Unit, room: Room = ROOM, board:
 
 def via(scan: PredictedScan, index: int) -> tuple[str, ...]:
     return scan.paths.via(int(scan.winners[index]), scan.room)
-
-
-def mirrored(point: FloatArray, through: FloatArray, direction: float) -> FloatArray:
-    along = np.array([math.cos(direction), math.sin(direction)])
-    offset = point - through
-    return through + 2 * (offset @ along) * along - offset
 
 
 @pytest.mark.parametrize(
@@ -70,19 +63,6 @@ def test_a_blocking_face_absorbs_the_echo_of_a_parallel_plate() -> None:
         [0.15]
     )
     assert not [echo for echo in scan.ping(0).echoes if scan.paths.edges[echo.path] < 0]
-
-
-def test_tilted_face_reflects_the_second_round_trip_like_two_mirrors() -> None:
-    tilt = 2.0
-    scan = predict(HERE, tilt, unit=Unit.REFLECT, room=PLATE)
-    second = next(k for k in range(len(scan.paths)) if scan.paths.via(k, scan.room) == ("w[0]", "unit", "w[0]"))
-    # the image of the place in wall, face and wall again, mirrored last to first
-    wall, face = np.array([0.15, 0.0]), np.zeros(2)
-    image = mirrored(np.zeros(2), wall, math.pi / 2)
-    image = mirrored(image, face, math.radians(tilt) + math.pi / 2)
-    image = mirrored(image, wall, math.pi / 2)
-    assert scan.paths.lengths[second] == pytest.approx(np.hypot(*image), abs=1e-9)
-    assert scan.paths.departures[second] == pytest.approx(math.atan2(image[1], image[0]), abs=1e-9)
 
 
 MOUNTS = [Mount(ahead=-0.02), Mount(ahead=0.05, aside=-0.02)]

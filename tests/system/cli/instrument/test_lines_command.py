@@ -17,7 +17,6 @@ from sonarhw.errors import NoAnswer
 from sonarhw.host import scanner
 from sonarhw.link import Port
 from sonarhw.log import read_log
-from sonarhw.text.layouts import MatchingProcess
 from tests.fixtures.commands import end, lines, started
 from tests.fixtures.plain_echoes import PlainEchoes
 from tests.fixtures.text_devices.printing_device import SKETCHES, PrintingDevice, wall
@@ -162,24 +161,6 @@ def test_a_match_that_takes_too_long_skips_its_line_and_the_third_one_ends_the_s
     with PrintingDevice(chain(RADAR_LINES * 2, repeat(b"1" * 40 + b"\n"))) as device:
         assert run(["scan", f"lines:{device.port}{url}", "--out", str(tmp_path / "2.mcap"), "--sweeps", "9"]) == 2
     assert "write it without a repetition within a repetition" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("pattern", "line"),
-    [
-        (r"(?P<range_cm>\d+)", "23"),
-        (r"(?P<range_cm>\d+)(?P<unit>cm)?", "23"),
-        (r"(?P<range_cm>\d+) \N{DEGREE SIGN}.*", "23 ° \u2028 \U0001f600"),
-        (r"(?i)A(?P<range_cm>\d+)\s{e}", "a23 {e}"),
-        (r"(?>\d+),(?P<range_cm>\d++)", "1,23"),
-        (r"(?P<range_cm>\d+)", "x"),
-    ],
-)
-def test_a_process_matches_as_python_does(pattern: str, line: str) -> None:
-    process = MatchingProcess(pattern)
-    match = re.compile(pattern, re.ASCII).fullmatch(line)
-    assert process.groups(line) == (match and match.groupdict())
-    process.close()
 
 
 @pytest.mark.parametrize("device", ["text", "frames"])

@@ -10,9 +10,8 @@ from threading import main_thread
 from typing import Literal
 
 import pytest
-from sonarhw_sim.board.profile import load_board
 
-from sonarhw.device.fake_board import BoardIdentity, FakeBoard
+from sonarhw.device.fake_board import FakeBoard
 from sonarhw.device.served import serve
 from sonarhw.export import HEADER
 from sonarhw.log import read_log
@@ -184,26 +183,6 @@ def test_a_disk_too_small_for_the_scan_gives_a_warning_before_it_starts(
     message = r"the scan needs about \d+\.\d MB and its disk has 40.0 MB free, enough for \d+% of it; delete .*"
     assert done.returncode == 130
     assert re.fullmatch(rf"sonarhw: warning: {log}: {message}", done.stderr.splitlines()[0])
-
-
-def test_a_log_contains_its_board_profile(url: str, log: Path, tmp_path: Path) -> None:
-    profile = tmp_path / "mine.toml"
-    profile.write_text(load_board("polaroid-6500").text.replace('name = "polaroid-6500"', 'name = "mine"'))
-    in_room = ("--room", SIMPLE_ROOM, "--place", "figure9")
-    printed("scan", url, "--out", log, "--step", "60", "--board", profile, *in_room)
-    metadata = read_log(log).metadata
-    assert (metadata.board, metadata.board_text) == ("mine", profile.read_text())
-    with_file = printed("compare", log, "--board", profile)
-    profile.unlink()
-    assert printed("compare", log) == with_file
-
-
-def test_traces_from_a_scanner_without_traces_give_a_warning(log: Path) -> None:
-    board = FakeBoard(PlainEchoes(), identity=BoardIdentity(trace_rate=0))
-    with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
-        done = sonarhw("scan", endpoint.url, "--out", log, "--traces", "--step", "90")
-    warning = f"sonarhw: warning: {endpoint.url}: the scanner sends no traces; only echo times are recorded\n"
-    assert (done.returncode, done.stderr) == (0, f"{warning}4 readings, 4 with an echo, in {log}\n")
 
 
 def test_a_closed_pipe_ends_quietly(board: FakeBoard, log: Path) -> None:

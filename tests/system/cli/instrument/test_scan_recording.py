@@ -1,6 +1,5 @@
 """`sonarhw scan` and the Scan command of the window record the same ranges, and no log without readings."""
 
-import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +14,7 @@ from sonarhw.device.fake_board import FakeBoard
 from sonarhw.device.served import serve
 from sonarhw.host.scanner import Scanner
 from sonarhw.log import read_log
-from sonarhw.readings import ScanOrder, speed_of_sound
+from sonarhw.readings import speed_of_sound
 from tests.checkout import CHECKOUT
 from tests.fixtures.plain_echoes import PlainEchoes
 
@@ -74,27 +73,3 @@ def test_command_and_window_use_the_same_speed_of_sound(
     assert settings is not None
     assert settings.speed_of_sound / 1000 == pytest.approx(speed_of_sound(temperature), abs=0.001)
     assert first.range == pytest.approx(speed_of_sound(temperature) * 0.015 / 2, rel=1e-4)
-
-
-def test_the_temperature_option_overrides_thermometer_and_room(hot_room: Path, tmp_path: Path) -> None:
-    options = ["--room", hot_room, "--place", "figure9", "--temperature", "0"]
-    first, *_ = scanned(tmp_path / "scan.mcap", 21.3, *options)
-    assert first == pytest.approx(speed_of_sound(0.0) * 0.015 / 2, rel=1e-4)
-
-
-def test_a_scan_of_the_window_that_the_scanner_refuses_leaves_no_log(tmp_path: Path) -> None:
-    beyond_the_cable = ScanOrder(0.0, math.radians(170), 6)
-    scene = scene_with(load_board("polaroid-6500"))
-    with serve(FakeBoard(PlainEchoes()), tcp="127.0.0.1:0", pace="max") as endpoint:
-        live = ScannerThread(
-            lambda: Scanner.open(endpoint.url),
-            Phase.HOMING,
-            scan_and_record(scene, ScanSettings(tmp_path, beyond_the_cable)),
-            lambda: None,
-        )
-        live.start()
-        live.disconnect()
-        live.join()
-    assert "the cable winds from -720 to 720 degrees" in str(live.state.error)
-    assert live.state.recording is None
-    assert list(tmp_path.iterdir()) == []

@@ -46,17 +46,6 @@ def test_frames_do_not_depend_on_how_the_stream_is_cut(sent: list[Frame], cuts: 
     assert [item for piece in pieces for item in decoder.feed(piece)] == sent
 
 
-@given(st.binary(max_size=3000), st.lists(st.integers(0, 3000), max_size=5), frames)
-def test_after_any_bytes_the_next_frame_after_a_delimiter_is_decoded(
-    noise: bytes, cuts: list[int], frame: Frame
-) -> None:
-    decoder = FrameDecoder()
-    for piece in chopped(noise, cuts):
-        list(decoder.feed(piece))
-    list(decoder.feed(DELIMITER))
-    assert list(decoder.feed(encode_frame(frame))) == [frame]
-
-
 @given(st.lists(frames, min_size=1, max_size=5), st.data())
 def test_a_damaged_stream_yields_exactly_the_undamaged_frames(sent: list[Frame], data: st.DataObject) -> None:
     wires = [encode_frame(frame) for frame in sent]
@@ -71,13 +60,6 @@ def test_a_damaged_stream_yields_exactly_the_undamaged_frames(sent: list[Frame],
     wires[victim] = bytes(wire)
     got = [item for item in FrameDecoder().feed(b"".join(wires)) if isinstance(item, Frame)]
     assert got == sent[:victim] + sent[victim + 1 :]
-
-
-@given(frames, st.integers(0, 600), st.integers(0, 7))
-def test_a_block_with_one_flipped_bit_is_rejected(frame: Frame, at: int, bit: int) -> None:
-    block = bytearray(encode_frame(frame)[:-1])
-    block[at % len(block)] ^= 1 << bit
-    assert isinstance(decode_block(bytes(block)), Rejected)
 
 
 def test_a_stream_without_delimiters_is_buffered_up_to_one_frame() -> None:

@@ -80,14 +80,6 @@ def test_a_truncated_payload_is_rejected_unless_an_older_version_ends_there(mess
     assert all(getattr(taken, item.name) == item.default for item in left_out)
 
 
-@given(messages)
-def test_payloads_of_an_older_version_get_defaults_for_new_fields(message: Message) -> None:
-    older = unpack_message(message.TYPE, message.pack(minor=0))
-    for item in fields(message):
-        expected = getattr(message, item.name) if item.default is MISSING else item.default
-        assert getattr(older, item.name) == expected
-
-
 @given(st.integers(0, 255), st.binary(max_size=MAX_PAYLOAD))
 def test_any_payload_gives_a_message_or_none_or_a_message_error(kind: int, payload: bytes) -> None:
     try:
