@@ -13,7 +13,7 @@ from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, cast
-from urllib.parse import urlsplit
+from urllib.parse import parse_qs, urlsplit
 
 import serial
 from serial.rfc2217 import Serial
@@ -394,9 +394,21 @@ def _check_url(url: str) -> None:
             raise InputError(f"{url}: expected {scheme}://HOST:PORT, with a port from 1 to 65535")
     elif scheme == "hwgrep":
         _check_pattern(url)
+    elif scheme == "spy":
+        _check_copies(url)
     elif scheme not in KNOWN_SCHEMES:
         schemes = ", ".join(f"{name}://" for name in sorted((*WITH_HOST, *KNOWN_SCHEMES)))
         raise InputError(f"{url}: unknown scheme {scheme}://; expected {schemes}, or the name of a serial port")
+
+
+def _check_copies(url: str) -> None:
+    """Raise InputError for a named pipe that nothing reads as the `file=` of a URL: it would be opened without end."""
+    for copy in parse_qs(urlsplit(url).query).get("file", ()):
+        try:
+            os.close(os.open(copy, os.O_WRONLY | getattr(os, "O_NONBLOCK", 0)))  # missing on Windows, as named pipes
+        except (OSError, ValueError) as error:
+            if getattr(error, "errno", None) == errno.ENXIO:
+                raise InputError(f"{url}: no program reads the pipe {copy}; start it first") from error
 
 
 def _check_pattern(url: str) -> None:

@@ -1,6 +1,7 @@
 """The errors of a port that cannot be opened, from what pyserial reports on Linux, macOS and Windows."""
 
 import errno
+import os
 from pathlib import Path
 from typing import Any
 
@@ -144,9 +145,12 @@ def test_a_lost_link_states_the_reason(monkeypatch: pytest.MonkeyPatch, error: E
         ("hwgrep://(", r"invalid regular expression: .*write \\ before a bracket"),
         ("hwgrep://*", "invalid regular expression"),
         ("hwgrep://[&n=1", "invalid regular expression"),
+        ("spy://loop://?file=pipe", "no program reads the pipe"),
     ],
 )
-def test_an_invalid_url_is_refused(url: str, message: str) -> None:
+def test_an_invalid_url_is_refused(url: str, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    os.mkfifo("pipe")
     with pytest.raises(InputError, match=message):
         Link(url)
 
