@@ -15,6 +15,7 @@ from sonarhw.log import read_log
 from tests.checkout import CHECKOUT
 from tests.conftest import Count
 from tests.hang_guard import HANG
+from tests.soak.fuzz import command_lines
 from tests.system.cli.instrument.test_interrupts import BEGUN, begun
 
 FAKE = "fake:simple?place=figure9"
@@ -46,6 +47,20 @@ COMMANDS = (
     "log recover log.mcap --out new/scan.mcap",
     "log info log.mcap",
     "room check simple",
+    "room list",
+    "room new new/room.toml",
+    "room schema",
+    "room import plan.geojson --unit m --out new/room.toml",
+    "profile check paper",
+    "profile list",
+    "profile new new/board.toml",
+    "profile schema",
+    f"calibrate log.mcap {ROOM} --out new/board.toml",
+    f"home {FAKE}",
+    f"turn {FAKE} 90",
+    f"stop {FAKE}",
+    f"wiring {FAKE}",
+    "board",
     "ports",
     "gui log.mcap",
     f"gui {FAKE}",
@@ -76,8 +91,14 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
         "log.mcap": log.read_bytes(),
         "old.mcap": log.read_bytes(),
         "scan.csv": b"deg,m\n" + b"".join(b"%d,1\n" % angle for angle in range(0, 360, 5)),
+        "plan.geojson": b'{"type": "Polygon", "coordinates": [[[0, 0], [3, 0], [3, 2], [0, 2], [0, 0]]]}',
         "study.toml": STUDY.format(CHECKOUT / "rooms" / "simple.toml").encode(),
     }
+
+
+def test_every_command_is_interrupted() -> None:
+    named = {name for name in command_lines.COMMANDS if any(f"{line} ".startswith(f"{name} ") for line in COMMANDS)}
+    assert command_lines.COMMANDS.keys() - named == {"flash"}  # it writes to a board
 
 
 @pytest.mark.timeout(20_000)
