@@ -29,7 +29,8 @@ Predict
 
 Compare
 
-- `scan_from_arrays`, `GivenScan`: a scan from headings and ranges.
+- `scan_from_arrays`, `GivenScan`: a scan from headings and ranges. `import_scan`, `ImportOptions`, `ImportedScan`: a
+  scan from a file of another program.
 - `compare`, `Comparison`, `explain_reading`: each reading beside its prediction, and its cause in words.
 - `fit`, `FitOptions`, `FitResult`, `PlacedScan`: pose, board and room that explain scans best.
 - `locate`, `Located`: the possible poses of a scan in a known room.

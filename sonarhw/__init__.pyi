@@ -14,6 +14,7 @@ from sonarhw_compare import (
     map_scans,
 )
 from sonarhw_compare.drawings import draw_comparison
+from sonarhw_compare.imports import ImportedScan, ImportOptions, import_scan
 from sonarhw_compare.one_call import (
     calibrate,
     compare,
@@ -67,7 +68,9 @@ __all__ = [
     "FitOptions",
     "FitResult",
     "GivenScan",
+    "ImportOptions",
     "ImportedRoom",
+    "ImportedScan",
     "InputError",
     "Located",
     "Log",
@@ -103,6 +106,7 @@ __all__ = [
     "find_missing",
     "fit",
     "import_room",
+    "import_scan",
     "load_board",
     "load_room",
     "load_study",

@@ -112,7 +112,7 @@ class LineGuess:
         keys = {"unit": layout.unit, "angle": layout.angle, "ends": _quoted(layout.ends) or None}
         url += "".join(f"&{key}={value}" for key, value in keys.items() if value)
         url += f"&step={layout.step:g}" if layout.step is not None else ""
-        return f"{url}&turn=cw" if self.proposal.clockwise else url
+        return f"{url}&turn=cw" if self.proposal.clockwise and not layout.turns_itself else url
 
     @property
     def text(self) -> str:

@@ -29,10 +29,10 @@ if TYPE_CHECKING:
     from sonarhw.host.scanner import Scanner
     from sonarhw.log import Log
 
-# `sonarhw gui`: open the window on a log, a CSV scan, a room, a scanner or the demo.
+# `sonarhw gui`: open the window on a log, scans of other programs, a room, a scanner or the demo.
 
 
-_SCAN, _ROOM = ".csv", ".toml"
+_LOG, _SCAN, _ROOM = "log", "scan", "room"  # kinds of files
 
 
 @dataclass(frozen=True)
@@ -50,8 +50,9 @@ _NOTHING = _Request(None, None, None)
 Sources = Annotated[
     list[str] | None,
     typer.Argument(
-        help="Log, CSV scan, room (name or file), serial port, socket://HOST:PORT or 'fake:ROOM?place=NAME'.",
-        metavar="LOG|CSV|URL|ROOM",
+        help="Log, scans of other programs, room (name or file), serial port, socket://HOST:PORT or "
+        "'fake:ROOM?place=NAME'.",
+        metavar="LOG|SCAN|URL|ROOM",
     ),
 ]
 BoardShown = Annotated[
@@ -65,9 +66,10 @@ def gui(
     place: PlaceName = None,
     board: BoardShown = None,
 ) -> int:
-    """Open the window on a log, a CSV scan, a room or a scanner.
+    """Open the window on a log, scans of other programs, a room or a scanner.
 
-    Without arguments, the last session is reopened. If there is none, the demo is opened.
+    A scan of another program is shown as it would be imported. Without arguments, the last session is reopened; if
+    there is none, the demo.
     """
     with _collector_held():
         return _open(sources or [], room, place, board)
@@ -95,14 +97,14 @@ def _collector_held() -> Iterator[None]:
 
 
 def _open(sources: list[str], room: str | None, place: str | None, board: str | None) -> int:
-    source, room_named = _source_and_room(sources, room)
+    others, room_named = _sources_and_room(sources, room)
     request = _Request(room or room_named, place, board)
-    if source is not None and _kind(source) == LOG:
-        return _replay(Path(source), request)
-    if source is not None and _kind(source) == _SCAN:
-        return _show_csv(Path(source), request)
-    if source is not None:
-        return _scan(source, request)
+    if others and _kind(others[0]) == _LOG:
+        return _replay(Path(others[0]), request)
+    if others and _kind(others[0]) == _SCAN:
+        return _show_scans([Path(other) for other in others], request)
+    if others:
+        return _scan(others[0], request)
     if room_named is not None:
         return _show_room(room_named, request)
     from sonarhw_compare.scanner_url import demo_url
@@ -110,19 +112,22 @@ def _open(sources: list[str], room: str | None, place: str | None, board: str | 
     return _scan(demo_url(), request, resume=request == _NOTHING, follows=True)
 
 
-def _source_and_room(sources: list[str], room: str | None) -> tuple[str | None, str | None]:
-    """Return the source and the room to open, or None. Raises InputError for several sources or several rooms."""
+def _sources_and_room(sources: list[str], room: str | None) -> tuple[list[str], str | None]:
+    """Return what to open, and the room if there is one. Raises InputError for several sources or rooms.
+
+    Only scans of other programs may be several.
+    """
     rooms = [source for source in sources if _kind(source) == _ROOM]
     others = [source for source in sources if source not in rooms]
-    if len(others) > 1:
-        raise InputError(f"{' '.join(others)}: expected one log, scan or scanner at a time")
+    if len(others) > 1 and any(_kind(other) != _SCAN for other in others):
+        raise InputError(f"{' '.join(others)}: expected one log or scanner at a time, or scans of other programs")
     if len(rooms) + (room is not None) > 1:
         raise InputError(f"{' '.join([*rooms, *([f'--room {room}'] if room else [])])}: expected one room")
-    return (others[0] if others else None), (rooms[0] if rooms else None)
+    return others, (rooms[0] if rooms else None)
 
 
 def _kind(source: str) -> str:
-    """Return the suffix of a file that can be opened; empty for a URL. Raises InputError for anything else."""
+    """Return the kind of a file that can be opened; empty for a URL. Raises InputError for anything else."""
     from sonarhw_compare.scanner_url import is_fake
 
     from sonarhw.plugins.device_plugin import is_plugin
@@ -134,12 +139,12 @@ def _kind(source: str) -> str:
 
     if source in room_names():
         return _ROOM
+    from sonarhw_gui.jobs.files import file_kind
+
     path = Path(source)
-    if path.suffix.lower() in (LOG, _SCAN, _ROOM):
-        return path.suffix.lower()
-    expected = f"expected a log (*{LOG}), a scan (*{_SCAN}), a room (name or *{_ROOM}) or the URL of a scanner"
-    if path.is_file() or path.is_dir():
-        raise InputError(f"{source}: {expected}")
+    if path.suffix.lower() in (LOG, ".toml") or path.is_file() or path.is_dir():
+        return file_kind(path)
+    expected = f"expected a log (*{LOG}), a scan, a room (name or *.toml) or the URL of a scanner"
     if sys.platform != "win32" and ":" not in source and not path.exists():
         near = did_you_mean(source, [*room_names(), *(str(file) for file in path.parent.glob("*"))])
         raise InputError(f"{source}: there is no such file or port{near or ';'} {expected}")
@@ -163,28 +168,26 @@ def _replay(path: Path, request: _Request) -> int:
     return _run(WindowStart(scene, log, source_name=path.name, source_file=path, used=used))
 
 
-def _show_csv(path: Path, request: _Request) -> int:
-    from sonarhw_compare.foreign_csv import guess_columns, read_foreign_scan
-
+def _show_scans(paths: list[Path], request: _Request) -> int:
     scene = _scene(request, begin_at="")
-    read_foreign_scan(path, *guess_columns(path))  # raises InputError before the window opens
-    instead = f"`sonarhw import {quote(str(path))}` makes a log, and `sonarhw report` works without a window"
-    return _show(scene, request.room, path, instead)
+    instead = f"`sonarhw import {quote(str(paths[0]))}` makes a log, and `sonarhw report` works without a window"
+    return _show(scene, request.room, paths, instead)
 
 
 def _show_room(room: str, request: _Request) -> int:
     instead = f"`sonarhw simulate {quote(room)} --out FILE.png` works without a window"
-    return _show(_scene(request, begin_at=""), room, None, instead)
+    return _show(_scene(request, begin_at=""), room, [], instead)
 
 
-def _show(scene: "Scene", room: str | None, file: Path | None, instead: str) -> int:
-    """Open the window on a scene without a scanner, and open `file` in it. `instead` is for a missing display."""
+def _show(scene: "Scene", room: str | None, files: list[Path], instead: str) -> int:
+    """Open the window on a scene without a scanner, and open `files` in it. `instead` is for a missing display."""
     from sonarhw_gui.window.display import check_display
 
     check_display(instead)
     from sonarhw_gui.window.start import WindowStart
 
-    return _run(WindowStart(scene, source_file=file, used=_used(room)))
+    first, more = (files[0], tuple(files[1:])) if files else (None, ())
+    return _run(WindowStart(scene, source_file=first, more_files=more, used=_used(room)))
 
 
 def _used(room: str | None) -> tuple[Path, ...]:

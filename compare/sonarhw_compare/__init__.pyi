@@ -4,7 +4,7 @@ from .explain import describe_path, details, explain_reading
 from .fit import Estimate, FitOptions, FitResult, Parameter, PlacedScan, fit_scan, fit_scans, free_parameters
 from .fit.fitting import fitted_board, fitted_room
 from .fit.quantities import QUANTITIES, Quantity
-from .foreign_csv import CsvColumns, Meaning, guess_columns, read_foreign_scan
+from .imports import ImportedScan, ImportOptions, import_scan
 from .locate import Located, Pose, locate_scan
 from .map import RoomMap, map_scans
 from .match import Comparison, Matched, Summary, compare_readings
@@ -15,13 +15,13 @@ from .score import RegionMatch, RegionPair, compare_regions
 __all__ = [
     "QUANTITIES",
     "Comparison",
-    "CsvColumns",
     "Estimate",
     "FitOptions",
     "FitResult",
+    "ImportOptions",
+    "ImportedScan",
     "Located",
     "Matched",
-    "Meaning",
     "Parameter",
     "PlacedScan",
     "Pose",
@@ -45,10 +45,9 @@ __all__ = [
     "fitted_board",
     "fitted_room",
     "free_parameters",
-    "guess_columns",
+    "import_scan",
     "locate_scan",
     "map_scans",
-    "read_foreign_scan",
     "report_html",
     "report_of",
 ]

@@ -27,7 +27,7 @@ from mcap.records import Message as McapRecordOfMessage
 from sonarhw.errors import InputError, MissingExtra, counted
 from sonarhw.log.mcap_records import UNREADABLE, Damage, McapMessage, OpenFile, Record, is_mcap, read_records
 from sonarhw.readings import Reading, RobotPose, moved_by
-from sonarhw_compare.foreign_csv import MOST_READINGS, ForeignRow, Meaning, at_poses, readings_of
+from sonarhw_compare.foreign_rows import MOST_READINGS, ForeignRow, Meaning, at_poses, readings_of
 from sonarhw_compare.processes import parse_apart
 
 _RANGE, _SCAN, _CLOUD = "sensor_msgs/msg/Range", "sensor_msgs/msg/LaserScan", "sensor_msgs/msg/PointCloud"

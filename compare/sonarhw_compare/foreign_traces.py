@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray, Reading, Trace
-from sonarhw_compare.foreign_csv import MOST_SAMPLES, ForeignRow, Meaning, opened, readings_of, short_lines
+from sonarhw_compare.foreign_rows import MOST_SAMPLES, ForeignRow, Meaning, opened, readings_of, short_lines
 from sonarhw_compare.import_formats import OSCILLOSCOPE, start_of_file
 from sonarhw_compare.processes import parse_apart
 
@@ -32,8 +32,7 @@ _NUMERIC = ("double", "single", *(f"{sign}int{bits}" for sign in ("", "u") for b
 def read_raw_traces(file: Path, meaning: Meaning) -> list[Reading]:
     """Return one reading for each trace, `meaning.step` degrees apart. Raises InputError."""
     table, rate = _samples(file, meaning)
-    if rate is None:
-        raise InputError(f"{file}: the sampling rate is not stated; add rate=HZ")
+    assert rate is not None, "checked by _samples"
     if not SLOWEST <= rate <= FASTEST:
         raise InputError(f"{file}: a sampling rate of {rate} Hz; expected {SLOWEST:g} to {FASTEST:g} Hz")
     samples = _pings_in_rows(file, _scaled(file, np.atleast_2d(table), meaning.full_scale), meaning.axis)
@@ -94,13 +93,16 @@ def _samples(file: Path, meaning: Meaning) -> tuple[NDArray[np.generic], float |
     suffix, start = file.suffix.lower(), start_of_file(file, 8)
     if start[:4] == b"RIFF" or suffix == ".wav":
         return parse_apart(_wav, file, "a WAV file")
+    scope = meaning.rate is None and OSCILLOSCOPE.search(start_of_file(file).decode("utf-8", "replace"))
+    if meaning.rate is None and not scope:
+        raise InputError(f"{file}: the sampling rate is not stated; add rate=HZ")
     if start[:2] == b"PK" or (suffix == ".npz" and start[:6] != b"\x93NUMPY"):
         return parse_apart(_npz, file, "an NPZ file of NumPy", meaning.variable), meaning.rate
     if start[:6] == b"\x93NUMPY" or suffix == ".npy":
         return parse_apart(_npy, file, "an array of NumPy (.npy)"), meaning.rate
     if start[:6] == b"MATLAB" or suffix == ".mat":
         return parse_apart(_mat, file, "a MAT file", meaning.variable), meaning.rate
-    if meaning.rate is None and OSCILLOSCOPE.search(start_of_file(file).decode("utf-8", "replace")):
+    if scope:
         if meaning.full_scale is None:
             raise InputError(
                 f"{file}: samples of an oscilloscope are volts; add full_scale=NUMBER, the largest of the receiver"

@@ -4,6 +4,7 @@ To add a format, write a function `read_x(file, meaning)` and add an entry to FO
 """
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -14,7 +15,7 @@ from sonarhw.files import MOST_FOREIGN, open_input
 
 if TYPE_CHECKING:
     from sonarhw.readings import Reading
-    from sonarhw_compare.foreign_csv import Meaning
+    from sonarhw_compare.foreign_rows import Meaning
 
 
 @dataclass(frozen=True)
@@ -37,10 +38,10 @@ class ImportFormat:
 
 
 TEXT = ImportFormat("text", (), "text of a device: lines, CSV, JSON, captures of a terminal", False, True)
-CARMEN = ImportFormat("carmen", (".clf",), "CARMEN logs with SONAR lines", False, False, "imports:read_carmen_log")
-PLAYER = ImportFormat("player", (), "logs of Player with sonar", False, True, "imports:read_player_log")
+CARMEN = ImportFormat("carmen", (".clf",), "CARMEN logs with SONAR lines", False, False, "foreign_logs:read_carmen_log")
+PLAYER = ImportFormat("player", (), "logs of Player with sonar", False, True, "foreign_logs:read_player_log")
 PING360 = ImportFormat(
-    "ping360", (".bin",), "Ping Viewer logs of a Ping360 or Ping1D", True, False, "imports:read_ping360_log"
+    "ping360", (".bin",), "Ping Viewer logs of a Ping360 or Ping1D", True, False, "foreign_logs:read_ping360_log"
 )
 ROS = ImportFormat(
     "ros",
@@ -59,7 +60,7 @@ RAW = ImportFormat(
     True,
     "foreign_traces:read_raw_traces",
 )
-LOG = ImportFormat("log", (), "logs (.mcap), to correct them", False, False, "imports:read_own_log")
+LOG = ImportFormat("log", (), "logs (.mcap), to correct them", False, False, "foreign_logs:read_own_log")
 FORMATS = (TEXT, CARMEN, PLAYER, PING360, ROS, JSON_MCAP, RAW, LOG)
 _MAGIC = (
     (b"#ROSBAG", ROS),
@@ -150,6 +151,52 @@ def _of_mcap(file: Path, start: bytes) -> ImportFormat:
     if b"ros2" in start[8:64] or b"ros1" in start[8:64] or b"cdr" in start:
         return ROS
     return JSON_MCAP
+
+
+# Options and what they need of a format.
+
+
+_NEEDS = {
+    **dict.fromkeys(["preset", "pattern", "unit", "heading", "range", "time", "decimal_comma"], "text"),
+    **dict.fromkeys(["angle", "scale", "mean_of"], "text log"),
+    **dict.fromkeys(["threshold", "blanking", "speed_of_sound"], "traces"),
+    **dict.fromkeys(["rate", "axis", "variable", "full_scale"], "raw"),
+    "no_echo": "ranges",
+    "step": "steps",
+    "topic": "bag",
+}
+_FACTS = {
+    "text": "text",
+    "log": "logs",
+    "traces": "formats with traces",
+    "ranges": "formats with ranges",
+    "raw": "raw traces",
+    "steps": "text, raw traces, Player and ROS",
+    "bag": "ROS bags",
+}
+
+
+def takes_option(kind: ImportFormat, key: str) -> bool:
+    """Return whether an option, a field of `ImportOptions`, applies to files of a format."""
+    facts = {
+        "text": kind in (TEXT, JSON_MCAP),
+        "log": kind is LOG,
+        "traces": kind.has_traces,
+        "ranges": not kind.has_traces,
+        "raw": kind is RAW,
+        "steps": kind.has_step,
+        "bag": kind is ROS,
+    }
+    return any(facts[fact] for fact in _NEEDS[key].split()) if key in _NEEDS else True
+
+
+def refuse_options(file: Path, kind: ImportFormat, stated: Mapping[str, object]) -> None:
+    """Raise InputError for an option that does not apply to the format of a file."""
+    for key, value in stated.items():
+        if not takes_option(kind, key):
+            words = ", ".join(_FACTS[fact] for fact in _NEEDS[key].split())
+            given = key if value is True else f"{key}={value:g}" if isinstance(value, float) else f"{key}={value}"
+            raise InputError(f"{given}: only for {words}; {file.name} has the format {kind.title}")
 
 
 def formats_text() -> str:

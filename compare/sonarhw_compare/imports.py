@@ -1,42 +1,172 @@
-"""Scans of other programs in text and in sensor logs: text of devices, CARMEN, Player and Ping360.
-
-`read_scan` reads any file of another program.
-"""
+"""Scans in files of other programs: `import_scan` reads any of them. The command, the window and Python call it."""
 
 import csv
 import math
+import os
 import re
-import struct
 import warnings
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from io import StringIO
-from itertools import islice
+from itertools import compress, islice, pairwise
 from pathlib import Path
-from typing import BinaryIO
+from typing import Literal
 
 import numpy as np
+from sonarhw_sim.board.profile import Board, without_own_body
 
+from sonarhw import arguments
 from sonarhw.errors import InputError, counted
 from sonarhw.files import open_input
-from sonarhw.log import Log, read_log
+from sonarhw.log import LogMetadata, read_log
+from sonarhw.mean_ranges import MOST_PINGS, are_means, unit_of
 from sonarhw.plugins.device_plugin import Measurement
 from sonarhw.plugins.sweep_tracker import SweepTracker
-from sonarhw.readings import Reading, RobotPose, Trace, speed_of_sound
-from sonarhw.text.decoder import encoding_of, make_decoder
-from sonarhw.text.layouts import Layout, Printed
-from sonarhw.text.proposals import LayoutProposal, UnitChoice, propose
+from sonarhw.readings import Origin, Reading
+from sonarhw.scan_check import ANY_BOARD, check_scan
+from sonarhw.text.decoder import Decoder, encoding_of, make_decoder, text_of, utf16_of
+from sonarhw.text.layouts import ColumnNames, Layout, Printed, column_names, layout_of
+from sonarhw.text.proposals import NAMED_CLOCKWISE, LayoutProposal, TextTable, UnitChoice, propose, text_table
+from sonarhw.text.words import ANGLE_UNITS
+from sonarhw.wire.messages import MOST_DEGREES
 from sonarhw_compare.foreign_bags import json_messages
-from sonarhw_compare.foreign_csv import (
-    MOST_READINGS,
-    ForeignRow,
-    Meaning,
-    at_poses,
-    opened,
-    readings_of,
-    short_lines,
-)
-from sonarhw_compare.import_formats import JSON_MCAP, TEXT, import_format
+from sonarhw_compare.foreign_rows import LONGEST, MOST_READINGS, ForeignRow, Meaning, readings_of
+from sonarhw_compare.import_formats import JSON_MCAP, LOG, RAW, TEXT, ImportFormat, import_format, refuse_options
+from sonarhw_compare.scans import GivenScan, reach_of
+
+# What a user may state about a file, and the scan in it.
+
+
+@dataclass(frozen=True)
+class ImportOptions:
+    """What the user states about a file; what is not stated is recognised, or asked for by an error."""
+
+    format: str = ""  # one of FORMATS; empty: by the content
+    preset: str = ""  # of text
+    pattern: str = ""
+    unit: str = ""  # m, cm, mm, in, ft, us
+    angle: str = ""  # deg, rad, gon, step
+    heading: str = ""  # columns of a table
+    range: str = ""
+    time: str = ""
+    decimal_comma: bool = False
+    scale: float | None = None  # m per unit of range
+    turn: Literal["", "ccw", "cw"] = ""  # direction in which angles grow; empty: as stated, else counter-clockwise
+    heading_zero: float = 0.0  # degrees, turntable angle at the angle 0
+    no_echo: float | None = None  # the range that stands for no echo, in the unit of the file
+    mean_of: int | None = None  # pings
+    threshold: float | None = None  # share of full scale at which a trace has its echo
+    blanking: float | None = None  # s
+    rate: float | None = None  # Hz
+    step: float | None = None  # degrees, from one reading, sensor or trace to the next
+    topic: str = ""  # of a ROS bag
+    variable: str = ""  # of a MAT or NPZ file
+    axis: Literal["", "rows", "columns"] = ""  # what a ping is in a table of samples
+    full_scale: float | None = None  # of samples
+    speed_of_sound: float | None = None  # m/s
+
+    def check(self) -> None:
+        """Raise InputError for impossible values."""
+        if self.scale is not None and not (math.isfinite(self.scale) and self.scale > 0):
+            raise InputError(f"scale={self.scale:g}: expected a number above 0, such as 0.01 for centimetres")
+        if not abs(self.heading_zero) <= MOST_DEGREES:
+            most = f"{MOST_DEGREES:g}"
+            raise InputError(f"heading_zero={self.heading_zero:g}: expected degrees between -{most} and {most}")
+        if self.threshold is not None and not 0 < self.threshold <= 1:
+            raise InputError(f"threshold={self.threshold:g}: expected a share of full scale, above 0 and up to 1")
+        if self.blanking is not None and (self.threshold is None or not 0 <= self.blanking <= 1):
+            raise InputError(f"blanking={self.blanking:g}: expected 0 to 1 s, and a threshold")
+        if self.speed_of_sound is not None and not 100 <= self.speed_of_sound <= 10_000:
+            raise InputError(f"speed_of_sound={self.speed_of_sound:g}: expected 100 to 10000 m/s")
+        if self.step is not None and not -360 <= self.step <= 360:
+            raise InputError(f"step={self.step:g}: expected -360 to 360 degrees")
+        if self.full_scale is not None and not self.full_scale > 0:
+            raise InputError(f"full_scale={self.full_scale:g}: expected a number above 0")
+        if self.mean_of is not None and not 2 <= self.mean_of <= MOST_PINGS:
+            raise InputError(f"mean_of={self.mean_of}: expected 2 to {MOST_PINGS} pings")
+
+    @property
+    def stated(self) -> dict[str, str | float | bool]:
+        """The values that are not the defaults."""
+        default = asdict(ImportOptions())
+        return {key: value for key, value in asdict(self).items() if value != default[key]}
+
+    @property
+    def layout(self) -> Layout | None:
+        """The layout of the text; None without a preset or a pattern. Raises InputError."""
+        return layout_of(self._keys(preset=self.preset, pattern=self.pattern)) if self.preset or self.pattern else None
+
+    @property
+    def known(self) -> Layout:
+        """What is known of the text without a preset or pattern. Raises InputError."""
+        known = layout_of(self._keys(preset="csv"))
+        if not (self.heading or self.range or self.time):
+            return replace(known, scale=self.scale)
+        names = ColumnNames(self.heading, self.range, self.time, self.decimal_comma)
+        return replace(known, scale=self.scale, columns=names)
+
+    def _keys(self, **layout: str) -> dict[str, str]:
+        keys = {**layout, "unit": self.unit, "angle": self.angle}
+        values = {key: value for key, value in keys.items() if value}
+        values |= {} if self.no_echo is None or not math.isfinite(self.no_echo) else {"no_echo": f"{self.no_echo!r}"}
+        return values | ({"step": f"{self.step:g}"} if self.step else {})
+
+    def meaning(self, kind: ImportFormat) -> Meaning:
+        """Return units and conventions of a format. Raises InputError for an unknown unit."""
+        if kind is LOG and self.angle and self.angle not in ANGLE_UNITS:
+            raise InputError(f"angle={self.angle}: expected {', '.join(ANGLE_UNITS)} for a log")
+        of_log = kind is LOG
+        return Meaning(
+            scale=self.scale if of_log and self.scale else 1.0,
+            sign={"": None, "ccw": 1.0, "cw": -1.0}[self.turn],
+            zero=self.heading_zero,
+            no_echo=self.no_echo,
+            speed_of_sound=self.speed_of_sound,
+            threshold=self.threshold,
+            blanking=self.blanking or 0.0,
+            rate=self.rate,
+            step=self.step or 0.0,
+            topic=self.topic or None,
+            variable=self.variable or None,
+            axis=self.axis or None,
+            full_scale=self.full_scale,
+            unit_deg=ANGLE_UNITS[self.angle or "deg"] if of_log else 1.0,
+        )
+
+
+@dataclass(frozen=True, repr=False)
+class ImportedScan(GivenScan):
+    """The readings of a file of another program, and how it was read."""
+
+    read_as: tuple[str, ...] = ()  # the format, or units and columns with their evidence, and what was left out
+    damage: tuple[str, ...] = ()  # warnings of damaged or missing parts
+    scale: float | None = None  # m per unit of range in the file; None: several or unknown
+    silent: float = math.nan  # m, the range that stands for no echo
+    mean_of: int | None = None
+    recorded: LogMetadata | None = None  # of a log of this project, which is corrected
+    lines: tuple[tuple[str, int], ...] = ()  # the first lines of a text, and the number of readings in each
+
+    def doubts(self, board: Board | None = None) -> tuple[str, ...]:
+        """Return what is probably wrong in the readings, if `board` made them; corrections are in the file's unit."""
+        readings = self.readings if board is None else without_own_body(board.own_body, self.readings)
+        reach = ANY_BOARD if board is None else reach_of(board)
+        texts = []
+        for doubt in check_scan(readings, reach, self.silent):
+            if doubt.kind == "means" and self.mean_of is not None:
+                continue
+            text = str(doubt)
+            if doubt.silent is not None:
+                number = "NUMBER" if self.scale is None else f"{doubt.silent / self.scale:.6g}"
+                text = text.replace(f"echo {doubt.silent:.6g}`", f"echo {number}`")
+            texts.append(text)
+        return tuple(texts)
+
+    @property
+    def likely_no_echo(self) -> float | None:
+        """The range, in the unit of the file, that likely stands for no echo; None without one."""
+        silent = next((doubt.silent for doubt in check_scan(self.readings) if doubt.silent is not None), None)
+        return None if silent is None or self.scale is None else float(f"{silent / self.scale:.6g}")
+
 
 # Text as devices print it, in files: serial monitors, captures, CSV, JSON.
 #
@@ -46,46 +176,32 @@ from sonarhw_compare.import_formats import JSON_MCAP, TEXT, import_format
 _MOST_TEXT = 200 * 2**20  # bytes of a file
 
 
-@dataclass(frozen=True)
-class ImportedScan:
-    """The readings of a text or file of another program."""
-
-    readings: list[Reading]
-    notes: tuple[str, ...]  # how it was read: format, or units and columns with the evidence, and what was left out
-
-
-def read_text_scan(
-    file: Path, meaning: Meaning, layout: Layout | None = None, stated: Layout | None = None
-) -> ImportedScan:
-    """Return the readings of a text file, at least one.
-
-    Without a `layout` one is proposed; `stated` are the units and the step that the user states. Raises InputError with
-    the question that decides if something is doubtful.
-    """
-    data = _content(file)
-    if layout is None:
-        data = as_long_text(str(file), data, meaning.step)
-    return text_scan(str(file), data, meaning, layout, stated)
-
-
 def text_scan(
     where: str, data: bytes, meaning: Meaning, layout: Layout | None = None, stated: Layout | None = None
 ) -> ImportedScan:
-    """Return the readings of a text, as `read_text_scan`."""
+    """Return the readings of a text, at least one.
+
+    Without a `layout` one is proposed; `stated` are the columns, the units and the step that the user states. Raises
+    InputError with the question that decides if something is doubtful.
+    """
+    if stated and stated.columns:
+        _check_names(where, data, stated.columns)
+    stated_turn = meaning.sign or 0.0
     proposal = LayoutProposal() if layout else propose(data, begins_whole=True, known=stated)
     if layout is None:
         layout = _decided(where, proposal)
-        meaning = replace(meaning, sign=-meaning.sign) if proposal.clockwise else meaning
+        meaning = replace(meaning, sign=_sign(meaning.sign, layout, proposal.clockwise))
     decoder = make_decoder(layout, begins_whole=True)
     unit = UnitChoice()
     try:
-        printed = [*decoder.feed(data), *decoder.end()]
+        printed, lines = _decoded_lines(decoder, data)
         decided = [reading for _, reading in unit.add([(0.0, reading) for reading in printed], last=True)]
     except InputError as error:
         raise InputError(f"{where}: {error}") from error
     finally:
         decoder.close()
-    rows, dropped = _text_rows(decided, layout)
+    table = layout.columns is not None
+    rows, left_out, untimed = _text_rows(where, decided, layout)
     readings = readings_of(where, rows, meaning)
     if not readings:
         raise InputError(
@@ -93,11 +209,56 @@ def text_scan(
         )
     read_as = f"read as {layout.preset or repr(layout.pattern)}"
     ignored = ", ".join(f"{kind} ({count})" for kind, count in decoder.ignored.items() if count)
+    example = f", such as {decoder.example!r}" if ignored and decoder.example and table else ""
     encoding = "" if decoder.encoding in ("utf-8", "binary") else f"text in {decoder.encoding}"
-    far = f"angles far from their neighbours ({dropped})" if dropped else ""
-    left_out = ", ".join(filter(None, (ignored, far)))
-    facts = (read_as, *proposal.evidence, *unit.notes, encoding, f"ignored: {left_out}" if left_out else "")
-    return ImportedScan(readings, tuple(filter(None, facts)))
+    ignored = f"ignored: {ignored}{example}" if ignored else ""
+    evidence = [fact for fact in proposal.evidence if fact != NAMED_CLOCKWISE or not stated_turn]
+    turned = f"angles grow {'counter-' if stated_turn > 0 else ''}clockwise: as given" if stated_turn else ""
+    facts = (read_as, *evidence, turned, *unit.notes, encoding, ignored, left_out, untimed)
+    scales = {reading.scale for reading in decided if reading.numbers}
+    scan = ImportedScan(where, tuple(readings), read_as=tuple(filter(None, facts)), lines=lines)
+    return replace(scan, scale=scales.pop() if len(scales) == 1 else None)
+
+
+_SHOWN = 12  # lines
+_MOST_OF_LINE = 200  # bytes that are shown
+
+
+def _decoded_lines(decoder: Decoder, data: bytes) -> tuple[list[Printed], tuple[tuple[str, int], ...]]:
+    """Return all readings, and the first lines with the number of readings in each; no lines of UTF-16."""
+    *first, rest = data.split(b"\n", _SHOWN) if utf16_of(data) is None else [data]
+    printed: list[Printed] = []
+    lines = []
+    for line in first:
+        before = len(printed)
+        printed += decoder.feed(line + b"\n")
+        lines.append((text_of(line[:_MOST_OF_LINE])[0] or "", len(printed) - before))
+    printed += [*decoder.feed(rest), *decoder.end()]
+    return printed, tuple(lines)
+
+
+def _sign(stated: float | None, layout: Layout, named_clockwise: bool) -> float:
+    """Return the sign of angles: the stated one, else that of their names, which some layouts apply themselves."""
+    applied = -1.0 if named_clockwise and layout.turns_itself else 1.0
+    return applied * (stated or (-1.0 if named_clockwise else 1.0))
+
+
+def _check_names(where: str, data: bytes, names: ColumnNames) -> None:
+    """Raise InputError if the columns that the user names are not those of the text."""
+    wanted = [name for name in (names.heading, names.range, names.time) if name]
+    table = text_table(data, names.decimal_comma, wanted)
+    has = f"its columns: {', '.join(table.names)}" if table else "it has no columns"
+    if not names.heading or not names.range:
+        raise InputError(f"{where}: name the columns of both heading and range; {has}")
+    if repeated := next((name for name in wanted if wanted.count(name) > 1), None):
+        raise InputError(
+            f"{where}: column {repeated!r} is given for two quantities; expected one column each for heading, range "
+            "and time"
+        )
+    for name in wanted if table else ():
+        if table and table.names.count(name) != 1 and name not in column_names(len(table.names)):
+            problem = "no column" if name not in table.names else "more than one column"
+            raise InputError(f"{where}: {problem} {name!r}; {has}")
 
 
 def _content(file: Path) -> bytes:
@@ -128,29 +289,63 @@ def _decided(where: str, proposal: LayoutProposal) -> Layout:
     )
 
 
-def _text_rows(printed: list[Printed], layout: Layout) -> tuple[list[ForeignRow], int]:
-    """Return the rows in sweeps, and the number of readings with an angle far from both neighbours."""
+def _text_rows(where: str, printed: list[Printed], layout: Layout) -> tuple[list[ForeignRow], str, str]:
+    """Return the rows in sweeps, what was left out, and why printed times are not used; empty texts: nothing."""
     tracker = SweepTracker(begins_whole=True)
     placed, steps = [], 0
-    for reading in printed[: MOST_READINGS + 1]:
+    times, untimed = _times_of(where, printed, layout.columns is not None and bool(layout.columns.time))
+    measured = []
+    for reading, time in zip(printed[: MOST_READINGS + 1], times, strict=False):
         heading = reading.heading
         if heading is None:
             heading = steps * (layout.step or 0.0) % 360
             steps += 1
-        placed += tracker.add(Measurement(math.radians(heading), reading.ranges, restarted=reading.restarted))
-    placed += tracker.flush()
+        measured.append(Measurement(math.radians(heading), reading.ranges, time, restarted=reading.restarted))
+    for measurement in measured:
+        placed += [(item.sweep, item.measurement) for item in tracker.add(measurement)]
+    placed += [(item.sweep, item.measurement) for item in tracker.flush()]
+    if layout.columns is not None and len(placed) < len(measured):  # a table has no restarts and lost digits
+        placed = [(0, measurement) for measurement in measured]
     rows = [
         ForeignRow(
             f"reading {number + 1}",
-            math.degrees(item.measurement.angle),
-            item.measurement.ranges[0] if item.measurement.ranges else None,
-            None,
-            item.sweep,
-            more=item.measurement.ranges[1:],
+            math.degrees(measurement.angle),
+            measurement.ranges[0] if measurement.ranges else None,
+            measurement.time,
+            sweep,
+            more=measurement.ranges[1:],
         )
-        for number, item in enumerate(placed)
+        for number, (sweep, measurement) in enumerate(placed)
     ]
-    return rows, tracker.dropped
+    lost = {
+        "angles far from their neighbours": tracker.dropped,
+        "readings before a restart": len(measured) - len(placed) - tracker.dropped,
+    }
+    left_out = ", ".join(f"{kind} ({count})" for kind, count in lost.items() if count > 0)
+    return rows, f"left out: {left_out}" if left_out else "", untimed
+
+
+def _times_of(where: str, printed: list[Printed], named: bool) -> tuple[list[float | None], str]:
+    """Return the times of readings from the first one on, s, and why those of the text are not used.
+
+    Raises InputError for such times in a column that the user names.
+    """
+    stated = [reading.time for reading in printed]
+    if not any(time is not None for time in stated):
+        return [None] * len(stated), ""
+    known = [time for time in stated if time is not None]
+    problem = ""
+    if len(known) < len(stated):
+        problem = f"{counted(len(stated) - len(known), 'reading')} without a time"
+    elif any(after < before for before, after in pairwise(known)):
+        problem = "they go back; sort the lines by time"
+    elif any(after - before > LONGEST for before, after in pairwise(known)):
+        problem = f"expected seconds, at most {LONGEST:g} s from one to the next; convert other units to seconds"
+    if problem and named:
+        raise InputError(f"{where}: times of the column: {problem}")
+    if problem:
+        return [None] * len(stated), f"times are not used: {problem}"
+    return [*stated], ""
 
 
 # Tables of other programs become text with one reading a line: a ring a line, and messages of `rostopic echo -p`.
@@ -295,375 +490,71 @@ def _number(cell: str) -> float:
         return math.nan
 
 
-# Sonar readings of CARMEN logs, as `carmen_logwrite_write_base_sonar` of CARMEN's logger writes them.
-#
-#     SONAR cone_angle num_sonars range... (x y theta)... ipc_timestamp ipc_hostname logger_timestamp
-#
-# Each line is one sweep over all sensors of a robot; theta is the direction of a sensor in the robot's frame, rad,
-# and the angle of its reading. Lines between state poses of the robot, as `carmen_logwrite_write_odometry` writes them:
-#
-#     ODOM x y theta tv rv accel ipc_timestamp ipc_hostname logger_timestamp
-#
-# Other lines are ignored.
-
-
-_COUNT = re.compile(r"\d{1,6}", re.ASCII)
-_AFTER = 3  # fields after the offsets: timestamp of the message, host, timestamp of the logger
-
-
-def read_carmen_log(file: Path, meaning: Meaning) -> list[Reading]:
-    """Return the sonar readings of a log, at least one, with the poses of its ODOM lines at their times.
-
-    Raises InputError with the line.
-    """
-    odometry: list[tuple[float, RobotPose]] = []
-    rows = [*islice(_carmen_rows(file, meaning.no_echo, odometry), MOST_READINGS + 1)]
-    placed = at_poses(rows, [time for time, _ in odometry], [pose for _, pose in odometry])
-    readings = readings_of(str(file), placed, meaning)
-    if not readings:
-        raise InputError(f"{file}: has no SONAR line; expected a CARMEN log with sonar readings")
-    return readings
-
-
-def _carmen_rows(file: Path, no_echo: float | None, odometry: list[tuple[float, RobotPose]]) -> Iterator[ForeignRow]:
-    """Yield the readings; the times and poses of ODOM lines are appended to `odometry`."""
-    sweep = 0
-    with opened(file, "a CARMEN log") as text:
-        for number, line in enumerate(short_lines(file, text, "a CARMEN log"), 1):
-            words, where = line.split(), f"line {number}"
-            if words[:1] == ["ODOM"]:
-                x, y, heading, time = _numbers(file, where, [*words[1:4], *words[-3:-2]], 4)
-                odometry.append((time, (x, y, heading)))
-            elif words[:1] == ["SONAR"]:
-                yield from _sweep(file, where, words[1:], sweep, no_echo)
-                sweep += 1
-
-
-def _sweep(file: Path, where: str, words: list[str], sweep: int, no_echo: float | None) -> Iterator[ForeignRow]:
-    """Yield the readings of one SONAR line."""
-    count = int(words[1]) if len(words) > 1 and _COUNT.fullmatch(words[1]) else 0
-    if not 1 <= count <= len(words):
-        raise InputError(f"{file}, {where}: expected the cone angle and the number of sonars after SONAR")
-    expected = 2 + 4 * count + _AFTER
-    if len(words) != expected:
-        problem = f"has {len(words)} fields after SONAR; expected {expected} for {count} sonars"
-        raise InputError(f"{file}, {where}: {problem}")
-    values = _numbers(file, where, words[2:-2], 4 * count + 1)
-    time = values[-1]
-    for k, distance in enumerate(values[:count]):
-        if distance != no_echo and distance < 0:
-            raise InputError(f"{file}, {where}: range {distance:g}; expected 0 or more, or the value for no echo")
-        heading = math.degrees(values[count + 3 * k + 2])
-        yield ForeignRow(where, heading, None if distance == no_echo else distance, time, sweep)
-
-
-def _numbers(file: Path, where: str, words: list[str], count: int) -> list[float]:
-    try:
-        values = [float(word) for word in words]
-    except ValueError as error:
-        raise InputError(f"{file}, {where}: {error}; expected numbers") from error
-    if len(values) != count or not all(map(math.isfinite, values)):
-        raise InputError(f"{file}, {where}: expected {count} finite numbers")
-    return values
-
-
-# Sonar of Player's `writelog` driver: the poses of the sensors, then their ranges.
-#
-#     time host robot sonar index type subtype count ...
-#
-# A pose is x y z roll pitch yaw.
-
-
-_OF_POSE = 6  # numbers
-_PLAYER_RANGES = ("001", "001")  # type and subtype: data
-_PLAYER_POSES = (("004", "001"), ("001", "002"))  # the answer to a request, or data
-
-
-def read_player_log(file: Path, meaning: Meaning) -> list[Reading]:
-    """Return the sonar readings of a log of Player, at least one. Raises InputError with the line."""
-    readings = readings_of(str(file), _player_rows(file, meaning), meaning)
-    if not readings:
-        raise InputError(f"{file}: has no sonar ranges; expected a log of Player with the interface sonar")
-    return readings
-
-
-def _player_rows(file: Path, meaning: Meaning) -> Iterator[ForeignRow]:
-    yaws: dict[str, list[float]] = {}
-    sweep = 0
-    began: float | None = None
-    with opened(file, "a log of Player") as text:
-        for number, line in enumerate(short_lines(file, text, "a log of Player"), 1):
-            words, where = line.split(), f"line {number}"
-            if line.startswith("#") or len(words) < 8 or words[3] != "sonar":
-                continue
-            index, kind, count = words[4], (words[5], words[6]), _count(file, where, words[7])
-            if kind in _PLAYER_POSES:
-                poses = _numbers(file, where, words[8:], _OF_POSE * count)
-                yaws[index] = [math.degrees(yaw) for yaw in poses[5::_OF_POSE]]
-            elif kind == _PLAYER_RANGES:
-                ranges = _numbers(file, where, words[8:], count)
-                (time,) = _numbers(file, where, words[:1], 1)
-                began = time if began is None else began
-                if len(yaws.get(index, ())) != count:
-                    if not meaning.step:
-                        raise InputError(
-                            f"{file}, {where}: {count} ranges without the directions of the sensors (type 004); add "
-                            "step=DEGREES, the angle from one sensor to the next"
-                        )
-                    yaws[index] = [k * meaning.step for k in range(count)]
-                for yaw, distance in zip(yaws[index], ranges, strict=True):
-                    silent = distance <= 0 or distance == meaning.no_echo
-                    yield ForeignRow(where, yaw, None if silent else distance, time - began, sweep)
-                sweep += 1
-
-
-def _count(file: Path, where: str, word: str) -> int:
-    if not _COUNT.fullmatch(word):
-        raise InputError(f"{file}, {where}: {word!r}; expected the number of sonars")
-    return int(word)
-
-
-# Profiles of a Ping360 or a Ping1D in the sensor logs (`.bin`) of Ping Viewer.
-#
-# Ping Viewer writes big-endian: a header (its `src/link/logsensorstruct.cpp`), then pairs of texts and arrays, each
-# after its length in bytes: the time `hh:mm:ss.zzz`, in UTF-16 or UTF-8, and one message of the Ping protocol (its
-# `examples/decode_sensor_binary_log.py`). The messages `device_data` (2300) and `auto_device_data` (2301) contain one
-# profile each.
-
-
-_TEXTS = 5  # of the program that wrote the log, after title and version
-_MOST_BYTES = 65_536  # of one text or message
-_DAY = 86_400.0  # s
-_TICK = 25e-9  # s, unit of the sample period
-_DEGREES = 0.9  # of one gradian
-_START = b"BR"
-_FRAME = struct.Struct("<2sHHBB")  # start, length of the payload, message, sender, receiver
-_PING1D, _PING1D_PROFILE = 1300, struct.Struct("<IHHIIIIH")  # mm, percent, us, number, mm, mm, gain, samples
-_PROFILES = {2300: struct.Struct("<BBHHHHHH"), 2301: struct.Struct("<BBHHHHHHBBHH")}
-_TIME = re.compile(r"(\d\d).(\d\d).(\d\d).(\d{3})")  # digits of any script; 12 hours have a word behind
-
-
-def read_ping360_log(file: Path, meaning: Meaning) -> list[Reading]:
-    """Return the profiles of a log as traces, at least one. Raises InputError.
-
-    Warns about damaged messages, which are left out. A log that ends within a profile gives those before.
-    """
-    skipped: list[str] = []
-    speed = meaning.speed_of_sound or speed_of_sound()
-    try:
-        with open_input(file, _MOST_LOG) as data:
-            readings = readings_of(str(file), _ping360_rows(file, data, skipped, speed), meaning)
-    except OSError as error:
-        raise InputError(f"{file}: cannot be read: {error.strerror}; expected a log of Ping Viewer") from error
-    if not readings:
-        why = f"; {skipped[0]}" if skipped else ""
-        raise InputError(f"{file}: has no profile of a Ping360 or Ping1D; expected a log of Ping Viewer with one{why}")
-    if skipped:
-        damage = counted(len(skipped), "damaged message")
-        warnings.warn(f"{file}: {damage} left out, of {len(readings) + len(skipped)}; {skipped[0]}", stacklevel=2)
-    return readings
-
-
-def _ping360_rows(file: Path, data: BinaryIO, skipped: list[str], speed: float) -> Iterator[ForeignRow]:
-    _check_header(file, data)
-    clock = _Clock()
-    for number, (text, frame) in enumerate(_messages(data, skipped), 1):
-        where = f"message {number}"
-        seconds = clock.seconds(text)
-        if seconds is None:
-            skipped.append(f"{where}: has no time hh:mm:ss.zzz")
-            continue
-        try:
-            profile = _profile(where, frame, speed)
-        except ValueError as error:
-            skipped.append(str(error))
-            continue
-        if profile is not None:
-            heading, distance, trace = profile
-            yield ForeignRow(where, heading, distance, seconds, trace=trace)
-
-
-_NEXT = re.compile(rb"\0\0\0(?:\x0c(?=.{12}\0)|\x18(?=.{24}\0))", re.DOTALL)  # length of a time, before another length
-_MOST_LOG = 2**30  # bytes
-
-
-def _messages(data: BinaryIO, skipped: list[str]) -> Iterator[tuple[bytes, bytes]]:
-    """Yield the time and the frame of each message. After damage, reading continues at the next time."""
-    content = data.read(_MOST_LOG)
-    offset = 0
-    while offset < len(content):
-        text, middle = _sized(content, offset)
-        frame, end = (None, offset) if text is None else _sized(content, middle)
-        again = None
-        if text is None or frame is None or not _is_whole(frame):
-            again = _next_message(content, offset + 1, end)  # a wrong length may cover the following messages
-        if text is not None and frame is not None and again is None:
-            yield text, frame
-            offset = end
-            continue
-        again = again or _next_message(content, offset + 1, len(content))
-        what = f"bytes {offset} to {again or len(content)} of the messages"
-        skipped.append(f"{what} are damaged" if again is not None else f"{what}: the log ends in a message")
-        offset = len(content) if again is None else again
-
-
-def _is_whole(frame: bytes) -> bool:
-    checksum = int.from_bytes(frame[-2:], "little")
-    return frame.startswith(_START) and checksum == sum(frame[:-2]) & 0xFFFF
-
-
-def _next_message(content: bytes, start: int, stop: int) -> int | None:
-    offsets = (match.start() for match in _NEXT.finditer(content, start, min(stop + 30, len(content))))
-    return next((offset for offset in offsets if offset < stop and _begins(content, offset)), None)
-
-
-def _sized(content: bytes, offset: int) -> tuple[bytes | None, int]:
-    """Return the bytes after their length, and the end; None if there are fewer or too many."""
-    count = int.from_bytes(content[offset : offset + 4], "big")
-    end = offset + 4 + count
-    return (content[offset + 4 : end], end) if count <= _MOST_BYTES and end <= len(content) else (None, offset)
-
-
-def _has_time(text: bytes) -> bool:
-    return bool(_TIME.match(_decoded(text)))
-
-
-def _begins(content: bytes, offset: int) -> bool:
-    text, middle = _sized(content, offset)
-    return text is not None and _has_time(text) and _sized(content, middle)[0] is not None
-
-
-class _Clock:
-    """The time of messages, which begins again at 0 after midnight."""
-
-    def __init__(self) -> None:
-        self._before, self._days = 0.0, 0.0
-
-    def seconds(self, text: bytes) -> float | None:
-        """Return the time of a message, s; None without one."""
-        clock = _TIME.match(_decoded(text))
-        if clock is None:
-            return None
-        hours, minutes, seconds, milliseconds = (int(digits) for digits in clock.groups())
-        now = 3600.0 * hours + 60.0 * minutes + seconds + milliseconds / 1000
-        self._days += _DAY if now + self._days < self._before - _DAY / 2 else 0.0
-        self._before = max(self._before, now + self._days)  # the clock may be set back a little
-        return self._before
-
-
-def _check_header(file: Path, data: BinaryIO) -> None:
-    """Skip the header. Raises InputError if there is none."""
-    title = _array(file, data)
-    if title is None or "ping" not in _decoded(title).lower():
-        raise InputError(f"{file}: has no header of Ping Viewer; expected one of its sensor logs")
-    data.read(4)
-    for _ in range(_TEXTS):
-        _array(file, data)
-    data.read(8)
-
-
-def _array(file: Path, data: BinaryIO) -> bytes | None:
-    """Return the next text or message; None at the end of the log."""
-    start = data.read(4)
-    if len(start) < 4:
-        return None
-    (count,) = struct.unpack(">I", start)
-    if count == 0xFFFFFFFF:  # a null text of Qt
-        return b""
-    if count > _MOST_BYTES:
-        raise InputError(f"{file}: a text or message of {count} bytes; expected a log of Ping Viewer")
-    content = data.read(count)
-    return content if len(content) == count else None
-
-
-def _decoded(text: bytes) -> str:
-    """Return a text in UTF-16 or UTF-8; damaged characters are replaced."""
-    wide = len(text) % 2 == 0 and (b"\0" in text or not text.isascii())
-    return text.decode("utf-16-be" if wide else "utf-8", "replace")
-
-
-def _profile(where: str, frame: bytes, speed: float) -> tuple[float, float | None, Trace] | None:
-    """Return angle (degrees), range (m) if it is stated, and trace of a message; None for another message.
-
-    Raises ValueError if it is damaged.
-    """
-    if len(frame) < _FRAME.size + 2:
-        raise ValueError(f"{where}: {len(frame)} bytes; expected a message of the Ping protocol")
-    start, length, message, _, _ = _FRAME.unpack_from(frame)
-    payload, checksum = frame[_FRAME.size : -2], int.from_bytes(frame[-2:], "little")
-    if start != _START or length != len(payload) or checksum != sum(frame[:-2]) & 0xFFFF:
-        raise ValueError(f"{where}: start, length or checksum is wrong")
-    if message == _PING1D:
-        return _ping1d_profile(where, payload, speed)
-    if message not in _PROFILES:
-        return None
-    layout = _PROFILES[message]
-    if len(payload) < layout.size:
-        raise ValueError(f"{where}: a profile of {len(payload)} bytes; expected at least {layout.size}")
-    fields = layout.unpack_from(payload)
-    samples = np.frombuffer(payload[layout.size :], np.uint8) / 255.0
-    period = fields[4] * _TICK
-    if not period or len(samples) != fields[-1] or not len(samples):
-        raise ValueError(f"{where}: a profile of {len(samples)} samples, expected {fields[-1]} and a period")
-    return _DEGREES * fields[2], None, Trace(samples, 1.0 / period, 0.0)
-
-
-def _ping1d_profile(where: str, payload: bytes, speed: float) -> tuple[float, float | None, Trace]:
-    """Return a profile of a Ping1D, which points in one direction and states distances in place of times."""
-    if len(payload) < _PING1D_PROFILE.size:
-        raise ValueError(f"{where}: a profile of {len(payload)} bytes; expected at least {_PING1D_PROFILE.size}")
-    distance, confidence, _, _, begin, length, _, count = _PING1D_PROFILE.unpack_from(payload)
-    samples = np.frombuffer(payload[_PING1D_PROFILE.size :], np.uint8) / 255.0
-    if len(samples) != count or not count or not length:
-        raise ValueError(f"{where}: a profile of {len(samples)} samples, expected {count} and a length")
-    rate = count * speed / (2 * length / 1000)
-    return 0.0, distance / 1000 if confidence and distance else None, Trace(samples, rate, 2 * begin / 1000 / speed)
-
-
-# Logs of this project, whose readings are corrected.
-
-
-def read_own_log(file: Path, meaning: Meaning) -> list[Reading]:
-    """Return the readings of a log with other units or signs, at least one. Raises InputError."""
-    readings = readings_of(str(file), _log_rows(read_log(file), meaning), meaning)
-    if not readings:
-        raise InputError(f"{file}: contains no readings")
-    return readings
-
-
-def _log_rows(log: Log, meaning: Meaning) -> Iterator[ForeignRow]:
-    began = min((reading.time for reading in log.readings), default=0.0)
-    for reading in log.readings:
-        ranges = reading.echo_ranges
-        silent = meaning.no_echo is not None and ranges and abs(ranges[0] - meaning.no_echo) < _SAME_RANGE
-        first, *more = (None,) if silent or not ranges else ranges
-        degrees = math.degrees(reading.angle)
-        where = f"reading {reading.number}"
-        time = reading.time - began
-        yield ForeignRow(where, degrees, first, time, reading.sweep, reading.trace, tuple(more), reading.pose)
-
-
-_SAME_RANGE = 0.0015  # m, of a range that stands for no echo, as it is typed
-
-
 # Any file of another program.
 
 
-def read_scan(
-    file: Path,
-    meaning: Meaning | None = None,
-    layout: Layout | None = None,
-    stated: Layout | None = None,
-    name: str = "",
-) -> ImportedScan:
-    """Return the readings of a file of another program, at least one. Its content selects the format, else `name`.
+@arguments.checked(file=arguments.file_name, options=arguments.instance(ImportOptions, "an `ImportOptions`"))
+def import_scan(file: Path | str | os.PathLike[str], options: ImportOptions | None = None) -> ImportedScan:
+    """Return the scan in a file of another program, at least one reading. The content selects the format.
 
-    Text is read as `read_text_scan` does. Raises InputError; warns about damaged parts.
+    `options` is what you state about the file. What is doubtful is not guessed: the error names the option that
+    decides it. `read_as` of the result states format, columns and units with their evidence. Raises InputError, and
+    MissingExtra if the format needs an extra.
     """
-    meaning = meaning or Meaning()
-    chosen = import_format(file, meaning.rate, name)
-    if chosen is TEXT:
-        return read_text_scan(file, meaning, layout, stated)
-    if chosen is JSON_MCAP:
-        return text_scan(str(file), json_messages(file), meaning, layout, stated)
-    return ImportedScan(chosen.read(file, meaning), (f"read as {chosen.title}",))
+    path, options = Path(file), options or ImportOptions()
+    options.check()
+    kind = import_format(path, options.rate, options.format)
+    refuse_options(path, kind, options.stated)
+    if kind is RAW and options.rate is not None and path.suffix.lower() == ".wav":
+        raise InputError(f"{path}: rate={options.rate:g}: a WAV file has its own; leave it out")
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        scan = _read(path, kind, options)
+    silent = math.nan if options.no_echo is None else options.no_echo * (scan.scale or 1.0)
+    readings = [replace(reading, origin=Origin.IMPORTED) for reading in scan.readings]
+    kept = readings if options.mean_of is None else _without_means(readings, silent, scan.scale, options.mean_of)
+    left_out = len(readings) - len(kept)
+    means = f"{counted(left_out, 'mean')} of different ranges left out"
+    return replace(
+        scan,
+        readings=tuple(replace(reading, number=number) for number, reading in enumerate(kept)),
+        read_as=scan.read_as if options.mean_of is None else (*scan.read_as, means),
+        damage=tuple(str(warning.message) for warning in caught),
+        silent=silent,
+        mean_of=options.mean_of,
+    )
+
+
+def _read(file: Path, kind: ImportFormat, options: ImportOptions) -> ImportedScan:
+    meaning = options.meaning(kind)
+    if kind in (TEXT, JSON_MCAP):
+        layout, known = options.layout, options.known
+        if kind is JSON_MCAP:
+            data = json_messages(file)
+        else:
+            data = _content(file)
+            data = data if layout else as_long_text(str(file), data, meaning.step)
+        if layout is not None:
+            layout = replace(layout, scale=options.scale)
+        return text_scan(str(file), data, meaning, layout, known)
+    readings = kind.read(file, meaning)
+    scale = meaning.scale if kind is LOG else None if kind.has_traces else 1.0
+    scan = ImportedScan(str(file), tuple(readings), read_as=(f"read as {kind.title}",), scale=scale)
+    return replace(scan, recorded=read_log(file).metadata) if kind is LOG else scan
+
+
+def _without_means(readings: list[Reading], silent: float, scale: float | None, mean_of: int) -> list[Reading]:
+    """Return the readings without means of different ranges."""
+    ranges = np.array([silent if reading.range is None else reading.range for reading in readings], np.float64)
+    return [*compress(readings, ~are_means(ranges, unit_of(ranges, scale or 1.0), mean_of))]
+
+
+def columns_of_file(file: Path, decimal_comma: bool = False) -> TextTable | None:
+    """Return the columns of a text file; None if it is no table. Raises InputError."""
+    return text_table(_content(file), decimal_comma)
+
+
+def first_lines(file: Path) -> tuple[tuple[str, int], ...]:
+    """Return the first lines of a text file, none of which is known to be a reading. Raises InputError."""
+    lines = _decoded_text(_content(file)[: _MOST_OF_LINE * _SHOWN]).splitlines()[:_SHOWN]
+    return tuple((line[:_MOST_OF_LINE], 0) for line in lines)

@@ -23,7 +23,7 @@ from sonarhw_compare.fit.quantities import HEADING, Quantity, X, Y
 from sonarhw_compare.fit.result import FitOptions, PlacedScan
 from sonarhw_compare.fit.search import Peak, covariance_of, highest, peak_at, refined
 from sonarhw_compare.fit.starting import HEADINGS, QUICK, Scores, at_marks, best_apart, local_maxima, score_positions
-from sonarhw_compare.foreign_csv import opened, other_separator, short_lines
+from sonarhw_compare.foreign_rows import opened, short_lines
 from sonarhw_compare.free_space import distances_to, find_free_space
 from sonarhw_compare.match import TOLERANCE, drawn_blocks, explains_few, few_explained
 from sonarhw_compare.regions import angles_and_ranges, mean_run
@@ -589,9 +589,12 @@ def _poses(path: Path, lines: Iterator[str]) -> _Poses:
     return poses
 
 
+_OTHER_SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars"}
+
+
 def _other_header(header: str) -> str:
     """Return what is wrong with a header."""
-    other = other_separator(header.split(","))
+    other = next((words for mark, words in _OTHER_SEPARATORS.items() if mark in header and "," not in header), None)
     if other is None:
         return f"expected the header {HEADER}, got {header!r}"
     return f"the columns are separated by {other}; expected commas, points in numbers, and the header {HEADER}"

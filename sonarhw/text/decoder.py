@@ -214,17 +214,21 @@ def utf16_of(start: bytes) -> str | None:
     return None
 
 
+_SPACES = " \r\n\v\f"
 _MOST_FOREIGN = 0.25  # share of bytes above 127 in a text in cp1252
 
 
 def text_of(raw: bytes) -> tuple[str | None, str]:
-    """Return a line as text without spaces at its ends, and its encoding; None if it is not text."""
+    """Return a line as text without spaces at its ends, and its encoding; None if it is not text.
+
+    A tab at the end stays: an empty cell follows it.
+    """
     try:
-        line, encoding = raw.decode("utf-8").replace("\ufeff", "").strip(), "utf-8"
+        line, encoding = raw.decode("utf-8").replace("\ufeff", "").lstrip().rstrip(_SPACES), "utf-8"
     except UnicodeDecodeError:
         if sum(byte > 127 for byte in raw) > max(1, _MOST_FOREIGN * len(raw)) or len(raw) < _FEWEST_FOREIGN:
             return None, "utf-8"
-        line, encoding = raw.decode("cp1252", "replace").strip(), "cp1252"
+        line, encoding = raw.decode("cp1252", "replace").lstrip().rstrip(_SPACES), "cp1252"
     plain = line.replace("\t", " ").replace("\r", " ").replace("\n", " ")
     return (line, encoding) if plain.isprintable() and "\ufffd" not in line else (None, "utf-8")
 

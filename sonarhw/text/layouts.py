@@ -3,6 +3,7 @@
 A pattern is the text of a reading with fields in braces, such as `Angle: {deg} Dist: {cm}`, or a regular expression.
 """
 
+import csv
 import json
 import math
 import re
@@ -13,7 +14,18 @@ from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
 
 from sonarhw.errors import InputError
-from sonarhw.text.words import ANGLE_UNITS, RANGE_UNITS, STEP, ColumnKind, NameMeaning, is_no_echo, meaning_of
+from sonarhw.text.words import (
+    ANGLE_UNITS,
+    RANGE_UNITS,
+    STEP,
+    ColumnKind,
+    NameMeaning,
+    is_german,
+    is_no_echo,
+    meaning_of,
+    time_unit,
+    words_of,
+)
 
 MOST_HEADING = 720.0  # degrees, either side of 0; larger ones are not angles of a turntable
 MOST_RANGE = 700.0  # m; larger ones do not fit into the frames of a log
@@ -30,6 +42,7 @@ class Printed:
     numbers: tuple[float, ...]  # ranges of the echoes as printed; empty: no echo
     scale: float | None = 1.0  # m, unit of the ranges; None: not stated
     restarted: bool = False  # whether a banner or another text was printed since the reading before
+    time: float | None = None  # s, as printed; None: the text states none
 
     @property
     def ranges(self) -> tuple[float, ...]:
@@ -51,6 +64,7 @@ class Units:
     angle: str | None = None  # of ANGLE_UNITS; None: as the text states, else degrees
     no_echo: tuple[float, ...] = ()  # numbers that stand for no echo
     step: float | None = None  # degrees between two readings without an angle, or of one step
+    scale: float | None = None  # m, unit of the ranges as a number; None: `range`
 
     def printed(
         self, heading: float | None, texts: Sequence[str | None], range_unit: str | None, offset: float = 0.0
@@ -64,7 +78,7 @@ class Units:
         except ValueError:
             return None
         unit = self.range or range_unit
-        scale = None if unit is None else RANGE_UNITS[unit]
+        scale = self.scale if self.scale or unit is None else RANGE_UNITS[unit]
         if heading is not None and not abs(heading) <= MOST_HEADING:
             return None
         echoes = tuple(value for value in values if value > 0 and value not in self.no_echo)
@@ -140,7 +154,7 @@ def regex_format(
     matched = matching.groups if matching else match_here
 
     def read(line: str) -> Read:
-        texts = matched(line)
+        texts = matched(line.strip())
         if texts is None:
             return None
         word = texts.get("unit")
@@ -152,7 +166,9 @@ def regex_format(
             return None
         return _only(units.printed(heading, [texts[range_group]], stated))
 
-    return LineFormat(read, ends, lambda line: matched(line) is not None, matching.close if matching else lambda: None)
+    return LineFormat(
+        read, ends, lambda line: matched(line.strip()) is not None, matching.close if matching else lambda: None
+    )
 
 
 def _only(printed: Printed | None) -> Read:
@@ -504,11 +520,53 @@ class Columns:
     ranges: tuple[int, ...]
     angle: NameMeaning
     range: NameMeaning
+    time: int | None = None
+    second: float = 1.0  # s, unit of the times
+
+
+@dataclass(frozen=True)
+class ColumnNames:
+    """The columns of a table that the user names; `column 2` is the second one, also without a header."""
+
+    heading: str
+    range: str
+    time: str = ""
+    decimal_comma: bool = False  # commas are those of decimal numbers, not between columns
+
+
+_COLUMN = re.compile(r"column (\d{1,3})", re.ASCII)
+
+
+def column_names(count: int) -> tuple[str, ...]:
+    """Return the names of the columns of a table without a header."""
+    return tuple(f"column {k + 1}" for k in range(count))
+
+
+def named_columns(cells: Sequence[str], names: ColumnNames) -> Columns | None:
+    """Return the columns that the user has named; None unless each name occurs once among the cells of a header.
+
+    Columns that are named by their number need no header.
+    """
+    places = [_place_of(cells, name) for name in (names.heading, names.range, names.time) if name]
+    if None in places:
+        return None
+    heading, distance, *rest = [place for place in places if place is not None]
+    german = is_german(word for cell in cells for word in words_of(cell))
+    angle, reach = (meaning_of(cells[k], german) if k < len(cells) else NameMeaning() for k in (heading, distance))
+    second = next((time_unit(cells[k]) or 1.0 for k in rest if k < len(cells)), 1.0)
+    return Columns(len(cells), heading, (distance,), angle, reach, rest[0] if rest else None, second)
+
+
+def _place_of(cells: Sequence[str], name: str) -> int | None:
+    if name in cells:
+        return cells.index(name) if cells.count(name) == 1 else None
+    number = _COLUMN.fullmatch(name)
+    return int(number[1]) - 1 if number and 0 < int(number[1]) <= len(cells) else None
 
 
 def columns_of(names: Sequence[str]) -> Columns | str | None:
     """Return the columns with these names, or what is wrong with them; None if no name is one of a quantity."""
-    german = False
+    german = is_german(word for name in names for word in words_of(name))
     meanings = [meaning_of(name, german) for name in names]
     angles = [k for k, meaning in enumerate(meanings) if meaning.quantity is ColumnKind.ANGLE]
     ranges = [k for k, meaning in enumerate(meanings) if meaning.quantity is ColumnKind.RANGE]
@@ -526,51 +584,82 @@ def columns_of(names: Sequence[str]) -> Columns | str | None:
     if len(ranges) > 1:
         listed = ", ".join(names[k] for k in ranges)
         return f"several columns may be the range: {listed}"
-    return Columns(len(names), angles[0], tuple(ranges), meanings[angles[0]], meanings[ranges[0]])
+    times = [k for k, meaning in enumerate(meanings) if meaning.quantity is ColumnKind.TIME and time_unit(names[k])]
+    time = times[0] if len(times) == 1 else None
+    second = 1.0 if time is None else time_unit(names[time]) or 1.0
+    return Columns(len(names), angles[0], tuple(ranges), meanings[angles[0]], meanings[ranges[0]], time, second)
 
 
-def csv_format(units: Units) -> LineFormat:
+_TWO_NUMBERS = Columns(2, 0, (1,), NameMeaning(ColumnKind.ANGLE), NameMeaning(ColumnKind.RANGE))
+
+
+def csv_format(units: Units, names: ColumnNames | None = None) -> LineFormat:
     """Return the format of lines of numbers after a header line, which names their columns.
 
     Columns are separated by commas, semicolons, tabs, bars or spaces. Before the header, a line of exactly two numbers
-    is an angle and a range.
+    is an angle and a range. With `names`, these columns are read, below the first line that contains the names.
     """
-    columns = Columns(2, 0, (1,), NameMeaning(ColumnKind.ANGLE), NameMeaning(ColumnKind.RANGE))
+    columns = _TWO_NUMBERS if names is None else None
+    below = False  # whether a header has been read
 
-    def parse(line: str, columns: Columns) -> Read:
-        cells = cells_of(line)
-        if len(cells) != columns.count:
+    def split(line: str) -> list[str]:
+        return cells_of(line, names is None or not names.decimal_comma)
+
+    def parse(line: str, columns: Columns | None) -> Read:
+        cells = split(line)
+        columns = columns or (named_columns(cells, names) if names else None)
+        if columns is None or len(cells) < columns.count or any(cells[columns.count :]):
             return None
         try:
             heading = units.heading(cells[columns.heading], columns.angle.unit)
         except ValueError:
             return None
         heading = -heading if columns.angle.clockwise else heading
-        texts = [cells[k] or (None if k < len(cells) - 1 else "") for k in columns.ranges]  # the last may be cut
-        return _only(units.printed(heading, texts, columns.range.unit))
+        # without a header, the end of the line may be missing
+        texts = [cells[k] or (None if below or k < columns.count - 1 else "") for k in columns.ranges]
+        printed = units.printed(heading, texts, columns.range.unit)
+        return None if printed is None else (replace(printed, time=_time_in(cells, columns)),)
 
     def read(line: str) -> Read:
-        nonlocal columns
-        header = columns_of(cells_of(line)) if any(char.isalpha() for char in line) else None
-        if isinstance(header, Columns):
-            columns = header
-            return HEADER
+        nonlocal columns, below
+        if any(char.isalpha() for char in line):
+            cells = split(line)
+            again = names is None or columns is None or names.heading in cells
+            header = columns_of(cells) if names is None else named_columns(cells, names) if again else None
+            if isinstance(header, Columns) and not isinstance(parse(line, header), tuple):
+                columns, below = header, True
+                return HEADER
         return parse(line, columns)
 
     return LineFormat(read, LINE_ENDS, lambda line: isinstance(parse(line, columns), tuple))
 
 
-def cells_of(line: str) -> list[str]:
+def _time_in(cells: list[str], columns: Columns) -> float | None:
+    """Return the time in a row, s; None without one."""
+    if columns.time is None:
+        return None
+    try:
+        return _number(cells[columns.time]) * columns.second
+    except ValueError:
+        return None
+
+
+_MOST_QUOTED = 100_000  # characters of a line; the library refuses cells that are little longer
+
+
+def cells_of(line: str, commas_separate: bool = True) -> list[str]:
     """Return the cells of a line: between commas, semicolons, tabs or bars, else between spaces.
 
-    Between semicolons, tabs or bars, a comma is that of a decimal number.
+    Between semicolons, tabs or bars, a comma is that of a decimal number. A cell in quotes may contain any of them.
     """
-    if re.search(r"[;\t|]", line):
-        parts = re.split(r"[;\t|]", line)
+    mark = next((mark for mark in ";\t|" if mark in line), "," if commas_separate else "")
+    if mark and mark in line:
+        quoted = len(line) <= _MOST_QUOTED and re.search(rf'(?:^|{re.escape(mark)})\s*"', line) is not None
+        parts = next(csv.reader([line], delimiter=mark, skipinitialspace=True)) if quoted else line.split(mark)
     else:
         # a unit in brackets belongs to the name before it: Angle (deg)
-        parts = line.split(",") if "," in line else re.split(r"\s+(?![(\[])", line.strip())
-    return [cell.strip().strip('"') for cell in parts]
+        parts = re.split(r"\s+(?![(\[])", line.strip())
+    return [cell.strip().strip('"').strip() for cell in parts]
 
 
 def json_format(units: Units) -> LineFormat:
@@ -646,7 +735,7 @@ def maxbotix_format(units: Units) -> LineFormat:
     """Return the format of MaxBotix rangefinders: four digits are millimetres, three with a flag P inches."""
 
     def read(line: str) -> Read:
-        match = _MAXBOTIX.fullmatch(line)
+        match = _MAXBOTIX.fullmatch(line.strip())
         if match is None:
             return None
         digits = match["range"]
@@ -705,6 +794,8 @@ class Layout:
     no_echo: tuple[float, ...] | None = None
     step: float | None = None  # degrees
     ends: str = ""  # characters between readings; empty: line ends
+    columns: ColumnNames | None = None  # of the preset csv; None: by the words in the header
+    scale: float | None = None  # m, unit of the ranges as a number
 
     @property
     def board(self) -> str:
@@ -715,6 +806,11 @@ class Layout:
     def is_regex(self) -> bool:
         """Whether the pattern is a regular expression."""
         return "(?P<" in self.pattern or not _FIELD.search(self.pattern)
+
+    @property
+    def turns_itself(self) -> bool:
+        """Whether angles whose name says clockwise are reversed while they are read."""
+        return self.preset in ("csv", "jsonl")
 
     @property
     def example(self) -> str:
@@ -732,11 +828,14 @@ class Layout:
         """What the layout states about the numbers."""
         preset = PRESETS[self.preset] if self.preset else None
         no_echo = preset.no_echo if preset and self.no_echo is None else self.no_echo or ()
-        return Units(self.unit or (preset.unit if preset else None), self.angle, no_echo, self.step)
+        unit = self.unit or (preset.unit if preset else None)
+        return Units(unit, self.angle, no_echo, self.step, self.scale)
 
     def make_format(self, matching: "MatchingProcess | None" = None) -> LineFormat:
         """Return a fresh format of the lines. Raises InputError for an invalid pattern. `matching` matches lines."""
         units = self.units
+        if self.columns is not None:
+            return csv_format(units, self.columns)
         if self.preset:
             make = PRESETS[self.preset].make
             assert not isinstance(make, BinaryFrame)

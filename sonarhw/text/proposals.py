@@ -3,8 +3,9 @@
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from statistics import median
 
@@ -15,13 +16,16 @@ from sonarhw.text.layouts import (
     LINE_ENDS,
     MOST_HEADING,
     PRESETS,
+    ColumnNames,
     Columns,
     Layout,
     Printed,
     cells_of,
+    column_names,
     columns_of,
     ends_of,
     json_record,
+    named_columns,
 )
 from sonarhw.text.words import (
     ANGLE_UNITS,
@@ -31,6 +35,7 @@ from sonarhw.text.words import (
     ColumnKind,
     NameMeaning,
     is_german,
+    is_metric,
     is_no_echo,
     meaning_of,
     unit_of_word,
@@ -44,9 +49,12 @@ _HELD, _MOST_HELD = 24, 400  # readings, until a unit is decided
 _SHARE = 0.55  # of the lines, that a layout must read
 # m: the longest range in a room is at least and at most, with the usual board; their median is at least
 _LEAST_ROOM, _MOST_ROOM, _LEAST_MIDDLE = 0.5, 4.05, 0.08
-_SMALLEST, _LARGEST = 0.05, 11.0  # m, longest range of any scene and board
+_MOST_MIDDLE = 2.5  # m; where more than half of the ranges are beyond, a more common unit that fits is the right one
+_SMALLEST, _LARGEST = 0.1, 11.0  # m, longest range of any scene and board
 _FINEST, _COARSEST = 5e-5, 0.06  # m, plausible resolution of a printed range
 _COMMON = ("cm", "mm", "m", "in", "ft", "us")  # units that sketches print without a name, the most common first
+_METRIC = ("cm", "mm", "m", "us")
+_MOST_SHOWN = 100  # rows of a table
 
 
 @dataclass(frozen=True)
@@ -68,6 +76,7 @@ class LayoutProposal:
 
 
 NOTHING = LayoutProposal()
+NAMED_CLOCKWISE = "angles grow clockwise, as named"  # evidence
 
 
 def propose(data: bytes, begins_whole: bool = False, known: Layout | None = None) -> LayoutProposal:
@@ -89,7 +98,7 @@ def propose(data: bytes, begins_whole: bool = False, known: Layout | None = None
             lines = lines[1:]
         if len(lines) < 2:
             continue
-        proposal = _of_lines(lines[:MOST_LINES], ends, stated)
+        proposal = _of_lines(lines[:MOST_LINES], ends, stated, begins_whole)
         if proposal.layout is not None:
             return _checked(proposal, data, begins_whole, stated)
         if proposal.questions and not best.questions:
@@ -160,7 +169,7 @@ def sweep_text(proposal: LayoutProposal) -> tuple[str, ...]:
 
 def _lines(data: bytes, ends: re.Pattern[bytes]) -> list[str]:
     texts = (text_of(raw)[0] for raw in ends.split(data))
-    return [plain for text in texts if text and (plain := without_stamp(text).strip())]
+    return [plain for text in texts if text and (plain := without_stamp(text).strip(" ")).strip()]
 
 
 def _other_ends(data: bytes) -> list[str]:
@@ -200,7 +209,8 @@ def _checked(proposal: LayoutProposal, data: bytes, begins_whole: bool, stated: 
     decoder = make_decoder(trial, begins_whole)
     readings = [*decoder.feed(data), *decoder.end()]
     others = decoder.ignored.total()
-    if len(readings) < FEWEST or len(readings) < others * _SHARE:
+    least = 1 if begins_whole and layout.preset == "csv" else FEWEST  # whose header names the columns
+    if len(readings) < least or len(readings) < others * _SHARE:
         return replace(proposal, layout=None)
     return replace(proposal, readings=tuple(readings))
 
@@ -208,8 +218,10 @@ def _checked(proposal: LayoutProposal, data: bytes, begins_whole: bool, stated: 
 # one kind of line after the other
 
 
-def _of_lines(lines: list[str], ends: str, stated: Layout) -> LayoutProposal:
-    for recognise in (_maxbotix, _json, _header, _numbers):
+def _of_lines(lines: list[str], ends: str, stated: Layout, begins_whole: bool) -> LayoutProposal:
+    if stated.columns is not None:
+        return LayoutProposal() if ends else _of_named(lines, stated, stated.columns)
+    for recognise in (_maxbotix, _json, partial(_header, begins_whole=begins_whole), _numbers):
         proposal = recognise(lines, ends, stated)
         if proposal.layout is not None or proposal.questions:
             return proposal
@@ -309,7 +321,7 @@ class _Unit:
 def _joined(
     layout: Layout, clockwise: bool, angle: _Unit, reach: _Unit, lines: list[str], *evidence: str
 ) -> LayoutProposal:
-    facts = (*evidence, angle.evidence, reach.evidence, "angles grow clockwise, as named" if clockwise else "")
+    facts = (*evidence, angle.evidence, reach.evidence, NAMED_CLOCKWISE if clockwise else "")
     asked = (angle.question, reach.question)
     return LayoutProposal(
         layout,
@@ -321,40 +333,118 @@ def _joined(
     )
 
 
-def _header(lines: list[str], ends: str, stated: Layout) -> LayoutProposal:
+def _of_named(lines: list[str], stated: Layout, names: ColumnNames) -> LayoutProposal:
+    """Return the proposal for columns that the user names: degrees and metres, unless their names state other units."""
+    cut = [cells_of(line, not names.decimal_comma) for line in lines]
+    columns = [named_columns(cells, names) for cells in cut]
+    first = next((number for number, read in enumerate(columns) if read is not None), None)
+    if first is None or (read := columns[first]) is None:
+        return LayoutProposal(example=lines[0][:60])
+    rows = [cells[: read.count] for cells in cut[first:] if len(cells) >= read.count]
+    named = names.heading in cut[first]
+    angle = _Unit("deg", True)
+    if stated.angle or read.angle.unit or read.angle.doubtful:
+        angle = _angle_unit((), read.angle, stated)
+    numbers = _column(rows, read.ranges[0])
+    reach = _range_unit(numbers, read.range, stated, lines[first : first + 1])
+    if (reach.assumed or reach.question) and not (stated.unit or stated.scale) and max(numbers, default=0) <= _LARGEST:
+        reach = _Unit("m", True, "range in metres, because no unit is stated; unit= changes it")
+    layout = replace(stated, preset="csv", pattern="", ends="", unit=reach.unit, angle=angle.unit)
+    columns_read = f"columns {names.heading!r} and {names.range!r}"
+    where = f"{columns_read} below {lines[first]!r}" if named else columns_read
+    return _joined(layout, read.angle.clockwise, angle, reach, lines, where)
+
+
+@dataclass(frozen=True)
+class TextTable:
+    """The columns of a text."""
+
+    names: tuple[str, ...]  # those of its header, else column 1 and so on
+    rows: tuple[tuple[str, ...], ...]  # the first ones
+    header: str = ""  # the line; empty without one
+
+
+def text_table(data: bytes, decimal_comma: bool = False, names: Sequence[str] = ()) -> TextTable | None:
+    """Return the columns of a text; None if most of its lines are no rows of one table.
+
+    A line that contains all `names` is the header.
+    """
+    data = data[:_MOST_BYTES]
+    if encoding := utf16_of(data):
+        data = data.decode(encoding, "replace").replace("\ufeff", "").encode()
+    lines = _lines(data, LINE_ENDS)[:MOST_LINES]
+    cut = [cells_of(line, not decimal_comma) for line in lines]
+    headers = ((k, cut[k + 1 :]) for k, cells in enumerate(cut) if names and all(map(cells.count, names)))
+    for number, rows in (*headers, *_headers(lines, cut)):
+        return TextTable(tuple(cut[number]), tuple(map(tuple, rows[:_MOST_SHOWN])), lines[number])
+    counts = Counter(len(cells) for cells in cut if len(cells) > 1 and _is_row(cells, len(cells)))
+    if not counts or (most := counts.most_common(1)[0])[1] < _SHARE * len(lines):
+        return None
+    rows = [cells for cells in cut if _is_row(cells, most[0])]
+    return TextTable(column_names(most[0]), tuple(map(tuple, rows[:_MOST_SHOWN])))
+
+
+def _headers(lines: list[str], cut: list[list[str]]) -> Iterator[tuple[int, list[list[str]]]]:
+    """Yield the lines that may be headers, and the rows below."""
+    for number, line in enumerate(lines[:-1]):
+        cells, below = cut[number], cut[number + 1 :]
+        if len(cells) < 2 or not any(char.isalpha() for char in line) or _is_numeric(cells):
+            continue
+        rows = [row for row in below if _is_row(row, len(cells))]
+        if len(rows) >= max(min(FEWEST, len(below)), _SHARE * len(below)):
+            yield number, rows
+
+
+def _is_row(cells: Sequence[str], count: int) -> bool:
+    """Return whether these are cells of a reading: two numbers, or a number and no echo; empty ones may follow."""
+    if len(cells) < count or any(cells[count:]):
+        return False
+    numbers = sum(map(_is_number_text, cells))
+    return numbers >= 2 or (numbers == 1 and any(not cell or is_no_echo(cell) for cell in cells))
+
+
+def _header(lines: list[str], ends: str, stated: Layout, begins_whole: bool) -> LayoutProposal:
     """Recognise CSV with a header line that names both columns."""
     if ends:
         return LayoutProposal()
     unnamed = LayoutProposal()
     cut = [cells_of(line) for line in lines]
-    for number, line in enumerate(lines[:-1]):
-        cells, below = cut[number], cut[number + 1 :]
-        if len(cells) < 2 or not any(char.isalpha() for char in line) or _is_numeric(cells):
-            continue
-        rows = [row for row in below if len(row) == len(cells) and sum(map(_is_number_text, row)) >= 2]
-        if len(rows) < max(min(FEWEST, len(below)), _SHARE * len(below)):
-            continue
+    for number, rows in _headers(lines, cut):
+        line, cells = lines[number], cut[number]
         columns = columns_of(cells)
         if isinstance(columns, str):
-            asked = (f"header {line!r}: {columns}; write a pattern=",)
+            asked = (f"header {line!r}: {columns}; write a pattern=, or name the columns",)
             return LayoutProposal(None, questions=asked, example=line[:60])
         if columns is not None:
-            return _with_header(lines, line, cells, columns, rows, stated)
+            return _with_header(lines, line, cells, columns, rows, stated, begins_whole)
         if unnamed.layout is None:  # words that may be those of a banner
             unnamed = _numbers(lines[number + 1 :], "", stated, [meaning_of(cell) for cell in cells], line)
     return unnamed
 
 
 def _with_header(
-    lines: list[str], header: str, cells: list[str], columns: Columns, rows: list[list[str]], stated: Layout
+    lines: list[str],
+    header: str,
+    cells: list[str],
+    columns: Columns,
+    rows: list[list[str]],
+    stated: Layout,
+    begins_whole: bool,
 ) -> LayoutProposal:
     numbers = [_column(rows, k) for k in (columns.heading, columns.ranges[0])]
     angle = _angle_unit(numbers[0], columns.angle, stated)
-    reach = _range_unit(numbers[1], columns.range, stated)
+    reach = _range_unit(numbers[1], columns.range, stated, (header,))
     lines_below = lines[lines.index(header) + 1 :]
     in_order = len(cells) == 2 and columns.heading == 0
-    if lines.count(header) > 1:
-        layout = replace(stated, preset="csv", pattern="", ends="")
+    if begins_whole or lines.count(header) > 1:
+        layout = replace(
+            stated,
+            preset="csv",
+            pattern="",
+            ends="",
+            unit=reach.unit if reach.assumed else stated.unit,
+            angle=angle.unit if angle.assumed else stated.angle,
+        )
     elif in_order and not columns.angle.clockwise and (angle.unit or "deg") != STEP:
         # the header may have passed when the device is opened again
         layout = replace(
@@ -367,12 +457,6 @@ def _with_header(
         )
     else:
         layout = _pattern_of_columns(lines_below, columns, angle, reach, stated)
-    if lines.count(header) > 1:
-        layout = replace(
-            layout,
-            unit=reach.unit if reach.assumed else stated.unit,
-            angle=angle.unit if angle.assumed else stated.angle,
-        )
     return _joined(layout, columns.angle.clockwise, angle, reach, lines, f"header {header!r}")
 
 
@@ -401,13 +485,19 @@ def _column(rows: Iterable[Sequence[str]], k: int) -> list[float]:
 # units
 
 
-def _range_unit(numbers: Sequence[float], named: NameMeaning, stated: Layout) -> _Unit:
-    """Return the unit of printed ranges: stated by the user or the text, else the only plausible one."""
+def _range_unit(numbers: Sequence[float], named: NameMeaning, stated: Layout, words: Sequence[str] = ()) -> _Unit:
+    """Return the unit of printed ranges: stated by the user or the text, else the only plausible one.
+
+    `words`: lines of the text, whose language may exclude inches and feet.
+    """
+    if stated.scale is not None:
+        return _Unit(None, True, f"range times {stated.scale:g} m: as given")
     if stated.unit is not None:
         return _Unit(stated.unit, True, f"range in {UNIT_NAMES[stated.unit]}: as given")
     if named.unit is not None and named.unit in RANGE_UNITS:
         return _Unit(named.unit, False, f"range in {UNIT_NAMES[named.unit]}: {named.word!r} in the text")
-    candidates = plausible_units(numbers, named.doubtful or _COMMON)
+    metric = is_metric(word for line in words for word in words_of(line))
+    candidates = plausible_units(numbers, named.doubtful or (_METRIC if metric else _COMMON))
     echoes = [number for number in numbers if number > 0]
     spread = f"{min(echoes, default=0):g} to {max(echoes, default=0):g}"
     if len(candidates) == 1:
@@ -441,7 +531,7 @@ def plausible_units(numbers: Sequence[float], among: Sequence[str] = _COMMON) ->
         if not (_FINEST <= quantum * scale <= _COARSEST and _SMALLEST <= longest <= _LARGEST):
             continue
         fits = _LEAST_ROOM <= longest <= _MOST_ROOM and median(echoes) * scale >= _LEAST_MIDDLE
-        if unit == "us" and "mm" in chosen and fitting:
+        if fitting and (median(echoes) * scale > _MOST_MIDDLE or (unit == "us" and "mm" in chosen)):
             continue
         if fits or not fitting:
             chosen.append(unit)
@@ -702,7 +792,8 @@ def _of_records(
     if isinstance(roles, str):
         return LayoutProposal(None, questions=(roles,), lines=len(lines), example=lines[len(lines) // 2][:60])
     heading, ranges, evidence = roles
-    reach = _range_unit([number for k in ranges for number in columns[k]], labels[ranges[0]].meaning, stated)
+    numbers = [number for k in ranges for number in columns[k]]
+    reach = _range_unit(numbers, labels[ranges[0]].meaning, stated, (header, *literals))
     units = {labels[k].meaning.unit for k in ranges}
     if len(units) > 1:
         return LayoutProposal(None, questions=(f"{lines[-1][:60]!r}: ranges in several units; write a pattern=",))

@@ -53,14 +53,18 @@ def _words(text: str) -> frozenset[str]:
     return frozenset(text.split())
 
 
-_ANGLES = _words(
-    "heading angle angles ang bearing azimuth theta servo pan yaw turret rotation position pos a "
+_METRIC_ANGLES = _words(  # of languages whose sketches print no inches and feet
     "winkel richtung angulo angolo giro aci hoek kat kierunek ugol угол sudut 角度 角 direccion ugao"
 )
-_RANGES = _words(
-    "range ranges distance distances dist d r echo sonar ultrasonic ultrasound sonic length depth reading "
+_METRIC_RANGES = _words(
     "abstand distanz entfernung distancia distanza afstand uzaklik mesafe odleglosc dystans vzdalenost portee "
     "jarak расстояние дистанция 距离 距離 alcance reichweite avstand udaljenost"
+)
+_ANGLES = _METRIC_ANGLES | _words(
+    "heading angle angles ang bearing azimuth theta servo pan yaw turret rotation position pos a"
+)
+_RANGES = _METRIC_RANGES | _words(
+    "range ranges distance distances dist d r echo sonar ultrasonic ultrasound sonic length depth reading"
 )
 _ECHO_TIMES = _words("duration pulse pulsewidth tof flight pulso dauer duree sure")
 _TIMES = _words(
@@ -94,7 +98,21 @@ _CLOCKWISE = _words("cw clockwise")
 _GERMAN = _words("winkel abstand entfernung distanz richtung messung zoll schritt zentimeter")
 _LETTERS = str.maketrans({"ı": "i", "İ": "i", "ß": "ss", "ł": "l", "Ł": "l", "µ": "u", "μ": "u", "ø": "o", "″": '"'})
 NO_ECHO = (
-    *("out of range", "out-of-range", "no echo", "none", "null", "nan", "inf", "infinity", "timeout", "-", "--", "---"),
+    *(
+        "out of range",
+        "out-of-range",
+        "no echo",
+        "none",
+        "null",
+        "nan",
+        "inf",
+        "-inf",
+        "infinity",
+        "timeout",
+        "-",
+        "--",
+        "---",
+    ),
     *(
         "fuera de rango",
         "sin eco",
@@ -183,9 +201,25 @@ def _quantity(word: str) -> ColumnKind | None:
     return None
 
 
+_OF_TIMES = {
+    **dict.fromkeys(_words("s sec secs second seconds sekunden segundos secondes"), 1.0),
+    **dict.fromkeys(_words("ms millis millisecond milliseconds msec millisekunden milisegundos"), 1e-3),
+}
+
+
+def time_unit(name: str) -> float | None:
+    """Return the unit, s, that the name of a column of times states; None without one."""
+    return next((_OF_TIMES[word] for word in reversed(words_of(name)) if word in _OF_TIMES), None)
+
+
 def is_german(words: Iterable[str]) -> bool:
     """Return whether one of these words is a German one of such texts."""
     return any(folded(word) in _GERMAN for word in words)
+
+
+def is_metric(words: Iterable[str]) -> bool:
+    """Return whether one of these words is of a language whose sketches print no inches and feet."""
+    return any(folded(word) in _METRIC_ANGLES | _METRIC_RANGES for word in words)
 
 
 def is_no_echo(text: str) -> bool:

@@ -8,7 +8,7 @@ from itertools import islice, pairwise
 from pathlib import Path
 
 import pytest
-from sonarhw_compare.imports import Meaning, read_text_scan
+from sonarhw_compare.imports import ImportOptions, import_scan
 
 import sonarhw
 from sonarhw.errors import DeviceError, InputError, LinkLost, NoAnswer
@@ -97,8 +97,19 @@ def test_a_file_of_the_same_text_has_the_same_sweeps(sketch: Sketch, tmp_path: P
     path, url = tmp_path / "capture.txt", read_lines_url(f"lines:port?{sketch.query}")
     path.write_bytes(b"".join(islice(sketch.rounds(), 3 * len(sketch.angles))))
     zero, one = url.turntable_angle(0), url.turntable_angle(1)
-    meaning = Meaning(sign=1 if one > zero else -1, zero=math.degrees(zero))
-    readings = read_text_scan(path, meaning, url.layout).readings
+    turn = "ccw" if one > zero else "cw"
+    layout = url.layout
+    stated = ImportOptions(
+        preset=layout.preset,
+        pattern=layout.pattern,
+        unit=layout.unit or "",
+        angle=layout.angle or "",
+        step=layout.step,
+        no_echo=layout.no_echo[0] if layout.no_echo else None,
+        turn=turn,
+        heading_zero=math.degrees(zero),
+    )
+    readings = import_scan(path, stated).readings
     assert_true(readings)
     angles = [degrees(reading) for reading in readings if reading.sweep == 0]
     assert sketch.sweep - set(angles) <= {15}

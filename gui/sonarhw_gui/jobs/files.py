@@ -4,16 +4,17 @@ import math
 import os
 import re
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import count, zip_longest
 from pathlib import Path
-from typing import BinaryIO, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, BinaryIO, Literal, TypeAlias
 from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
-from sonarhw_compare.foreign_csv import CsvColumns, Meaning, likely_no_echo, read_foreign_scan
+from sonarhw_compare.import_formats import LOG as OWN_LOG
+from sonarhw_compare.import_formats import TEXT, ImportFormat, import_format, start_of_file
 from sonarhw_compare.picture_file import write_film
 from sonarhw_compare.room_import.imported import import_room
 from sonarhw_compare.scans import ReadingNote, placed_notes
@@ -23,7 +24,7 @@ from sonarhw_sim.files import file_name, quoted, read_text
 from sonarhw_sim.room.room import Place, Room, load_room, parse_room
 from sonarhw_sim.room.room_writing import with_place
 
-from sonarhw.errors import InputError, LogError, OutputError, json_text, shortened
+from sonarhw.errors import InputError, LogError, OutputError, SonarError, json_text, shortened
 from sonarhw.export import export_format, export_suffixes
 from sonarhw.files import atomic_file
 from sonarhw.log import Log, LogMetadata, read_log
@@ -32,19 +33,67 @@ from sonarhw.readings import Reading
 from sonarhw_gui.model.edits import room_and_place
 from sonarhw_gui.model.scene import Scene, first_place, scene_of_log, scene_with
 
+if TYPE_CHECKING:
+    from sonarhw_compare.imports import ImportedScan
 
-def read_csv(path: Path, columns: CsvColumns, meaning: Meaning) -> tuple[tuple[Reading, ...], tuple[float, int] | None]:
-    """Read a whole CSV file with these columns, units and conventions. Raises InputError.
-
-    Returns its readings, and a range that likely means no echo with its number of readings, if there is one.
-    """
-    readings = tuple(read_foreign_scan(path, columns, meaning))
-    return readings, None if meaning.no_echo is not None else likely_no_echo(path, columns)
+    from sonarhw.text.proposals import TextTable
 
 
-LOG, ROOM, CSV = ".mcap", ".toml", ".csv"
+SHOWN_LINES = 12
+
+
+@dataclass(frozen=True)
+class LookedAt:
+    """A file of another program as it would be imported, or why it cannot be."""
+
+    kind: "ImportFormat | None" = None
+    table: "TextTable | None" = None  # the columns of a text
+    scan: "ImportedScan | None" = None
+    problem: str = ""
+    doubts: tuple[str, ...] = ()  # what is probably wrong in the readings
+    lines: tuple[tuple[str, int], ...] = ()  # the first ones, and the number of readings in each
+    likely_no_echo: float | None = None  # in the unit of the file
+
+    @property
+    def readings(self) -> tuple[Reading, ...]:
+        """The readings; none if the file cannot be imported."""
+        return () if self.scan is None else self.scan.readings
+
+
+def look_at_scan(path: Path, stated: Mapping[str, Any]) -> LookedAt:
+    """Read a whole file of another program; `stated` are fields of `ImportOptions`."""
+    from sonarhw_compare.imports import ImportOptions, columns_of_file, first_lines, import_scan  # takes 0.3 s
+
+    seen = LookedAt()
+    try:
+        options = ImportOptions(**stated)
+        seen = LookedAt(import_format(path, options.rate, options.format))
+        if seen.kind is TEXT:
+            seen = replace(seen, table=columns_of_file(path, options.decimal_comma), lines=first_lines(path))
+        scan = import_scan(path, options)
+    except SonarError as error:
+        return replace(seen, problem=str(error).removeprefix(f"{path}: "))
+    lines = scan.lines or seen.lines
+    return replace(seen, scan=scan, doubts=scan.doubts(), lines=lines, likely_no_echo=scan.likely_no_echo)
+
+
+LOG, ROOM = ".mcap", ".toml"
 DRAWINGS = (".dxf", ".svg", ".geojson", ".json")
 FOREIGN_ROOMS = (".yaml", ".yml", ".world", ".sdf", *DRAWINGS)
+_GEOJSON = re.compile(rb'"type"\s*:\s*"(Feature|Geometry|Polygon|Multi|LineString|Point|Topology)')
+
+
+def file_kind(path: Path) -> Literal["log", "room", "scan"]:
+    """Return what a file or a folder is opened as, by its suffix or else its content: a scan of any other program."""
+    ending = path.suffix.lower()
+    if ending == ".json":
+        return "room" if _GEOJSON.search(start_of_file(path)) else "scan"
+    if ending in (ROOM, *FOREIGN_ROOMS):
+        return "room"
+    is_log = ending == LOG and (not path.exists() or import_format(path, None) is OWN_LOG)
+    return "log" if is_log else "scan"
+
+
 _MOST_NAMES = 10
 
 
@@ -71,15 +120,16 @@ def read_grown_log(path: Path) -> tuple[Path, Log, float]:
     return path, log, time.perf_counter() - began
 
 
-def import_scan(csv: Path, readings: Sequence[Reading], folder: Path) -> Opened:
-    """Write the readings of a CSV file as a log in `folder`, and read it. Raises InputError, LogError, OutputError."""
+def import_scan(file: Path, scan: "ImportedScan", folder: Path) -> Opened:
+    """Write the scan in a file as a log in `folder`, and read it. Raises InputError, LogError, OutputError."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise LogError(f"{folder}: cannot be created: {error.strerror}; imported scans are stored there") from error
-    path = free_name(folder, csv.stem, LOG)
-    write_scan(path, LogMetadata("import", time.time()), readings)
-    return replace(open_log(path), notice=f"{csv.name} was imported as {path.name}, in {folder}")
+    path = free_name(folder, file.stem, LOG)
+    metadata = LogMetadata("import", time.time(), source=str(file), read_as="; ".join(scan.read_as))
+    write_scan(path, metadata, scan.readings)
+    return replace(open_log(path), notice=f"{file.name} was imported as {path.name}, in {folder}")
 
 
 def open_room(room_name: Path | str, board: Board, unit: str = "") -> Opened:
@@ -125,11 +175,6 @@ def free_name(folder: Path, stem: str, suffix: str) -> Path:
 def with_newest(names: tuple[str, ...], name: str) -> tuple[str, ...]:
     """Return a short list of names with `name` in front, without duplicates."""
     return (name, *(other for other in names if other != name))[:_MOST_NAMES]
-
-
-def can_open(path: Path) -> bool:
-    """Return whether a file has the extension of a log, a room or a CSV scan."""
-    return path.suffix.lower() in (LOG, ROOM, CSV, *FOREIGN_ROOMS)
 
 
 class Documents:

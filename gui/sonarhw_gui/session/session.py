@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 from PySide6.QtCore import QObject, Qt, QTimer, Signal, Slot
 from sonarhw_compare.scanner_url import demo_url, is_fake
@@ -20,7 +20,7 @@ from sonarhw_sim.room.room_writing import save_room
 
 from sonarhw.errors import InputError, SonarError
 from sonarhw.log import Log
-from sonarhw.readings import Origin, Reading
+from sonarhw.readings import Origin
 from sonarhw_gui.jobs import files
 from sonarhw_gui.jobs.jobs import CLOSED_WITHIN, Jobs
 from sonarhw_gui.jobs.searches import RoomSearch, Search, find_pose, search_causes
@@ -44,6 +44,9 @@ from sonarhw_gui.session.showing import ScanList, ShownModel
 from sonarhw_gui.session.sound import SoundControl
 from sonarhw_gui.session.source import Replay, Source, doubt_in
 from sonarhw_gui.session.status import PredictionState, ReplayState, Status
+
+if TYPE_CHECKING:
+    from sonarhw_compare.imports import ImportedScan
 
 # The timer of the window: it ticks regularly, and sooner when a reading has arrived.
 
@@ -103,7 +106,8 @@ class WindowSession(QObject):
 
     status_changed = Signal(object)  # Status
     replay_changed = Signal(object)  # Replay; None without one
-    import_asked = Signal(str)  # path of a CSV scan
+    import_asked = Signal(str)  # path of a scan of another program
+    pose_asked = Signal()  # of a scan that was imported
     room_opened = Signal()  # a room file was opened or reloaded
     saved = Signal(str)  # message, after a file was saved
     recent_changed = Signal(object)  # tuple of paths, newest first
@@ -317,19 +321,16 @@ class WindowSession(QObject):
     def open_file(self, path: str) -> None:
         """Open a log, or a room for the current readings; a log is shown in its own room if it has one.
 
-        For a CSV scan, the user is asked how to read it.
+        Of any other file, the user sees how it is read before it is imported.
         """
-        file, ending = Path(path), Path(path).suffix.lower()
-        if ending == files.CSV:
-            self.import_asked.emit(path)
-        elif ending == files.LOG:
-            self.open_log(file)
-        elif ending in (files.ROOM, *files.FOREIGN_ROOMS):
-            self.open_room(file)
-        else:
-            self.notices.fail(
-                f"{file.name}: expected a log ({files.LOG}), a room ({files.ROOM}) or a scan as {files.CSV}"
-            )
+        file = Path(path)
+        match files.file_kind(file):
+            case "log":
+                self.open_log(file)
+            case "room":
+                self.open_room(file)
+            case "scan":
+                self.import_asked.emit(path)
 
     def open_log(self, path: Path, last_scene: Scene | None = None) -> None:
         """Open a log; `last_scene`: the scene of the last session instead of that in the log."""
@@ -339,10 +340,15 @@ class WindowSession(QObject):
         """Open a room file, a shipped room by its name, or import a room; `unit`: of a drawing that states none."""
         self._open("open a room", files.open_room, room, self.shown.scene.board, unit, take=self._take_room)
 
-    @Slot(object, object)
-    def import_csv(self, csv: Path, readings: Sequence[Reading]) -> None:
-        """Import the readings of a CSV scan as a log in the folder of recordings, and open the log."""
-        self._open("import a scan", files.import_scan, csv, readings, self.live.settings.folder, take=self._take_log)
+    @Slot(object, object, bool)
+    def import_scan(self, file: Path, scan: "ImportedScan", find_pose: bool) -> None:
+        """Write a scan of another program as a log in the folder of recordings, open it, and find its pose if asked."""
+        take = self._take_unplaced if find_pose else self._take_log
+        self._open("import a scan", files.import_scan, file, scan, self.live.settings.folder, take=take)
+
+    def _take_unplaced(self, opened: files.Opened) -> None:
+        self._take_log(opened)
+        self.pose_asked.emit()
 
     def _open(self, key: str, function: Callable[..., Any], *args: object, take: Callable[[Any], None]) -> None:
         self.jobs.run(key, function, *args, then=partial(self._take_opened, take), lane="open files")

@@ -122,6 +122,8 @@ class PathLayer(PlotLayer):
         self._rays = self._add(PlotLine(), bounds=True)
         self._pointed = self._add(PlotLine(), 28, "predicted", 3, bounds=True)
         self._labels = [self._add_label(30, "paper", "chosen", 0.8) for _ in range(_MOST_LABELLED)]
+        for label in self._labels:
+            label.setVisible(False)
         self._texts: list[tuple[str, FloatArray]] = []
         self._sensor: Point = (0.0, 0.0)
         self._colour = "k"

@@ -89,7 +89,7 @@ _MARKS = {
     Origin.MEASURED: "Orange marks: measured by the sonar.",
     Origin.FAKE: "Orange marks: from a fake scanner, which hides one post.",
     Origin.SIMULATED: "Orange marks: simulated readings.",
-    Origin.IMPORTED: "Orange marks: readings imported from a CSV file.",
+    Origin.IMPORTED: "Orange marks: readings imported from another program.",
 }
 _NO_MARKS = "Orange marks: readings. There are none yet; Scan (F5) makes them."
 _LINE, _NO_LINE = "Blue line: predicted by the model.", "Blue line: a prediction. It needs a room (Ctrl+R)."
@@ -184,7 +184,7 @@ class StartPage(QtWidgets.QScrollArea):
         for name in _STARTS:
             column.addWidget(_start_button(commands.actions[name]))
         column.addLayout(self._files)
-        column.addWidget(PlainLabel("Or drop a file here: a room, a log, or a scan as CSV.", wordWrap=True))
+        column.addWidget(PlainLabel("Or drop files here: a room, a log, or scans of other programs.", wordWrap=True))
         column.addStretch(2)
         row = QtWidgets.QHBoxLayout(page)
         row.addStretch(1)

@@ -148,7 +148,7 @@ _MENUS: dict[str, Sequence[WindowCommand | str]] = {
         "shipped rooms",
         WindowCommand("files.open_log", "Open log…", "Ctrl+O", "Open a recorded scan for replay", _idle),
         WindowCommand(
-            "files.import_scan", "Import scan…", "Ctrl+I", "Read a CSV scan of another program, after a preview", _idle
+            "files.import_scan", "Import scan…", "Ctrl+I", "Read scans of other programs, after a preview", _idle
         ),
         WindowCommand("files.show_recordings", "Recordings…", "Ctrl+Shift+O", "Search earlier recordings", _idle),
         "recent files",

@@ -259,7 +259,7 @@ _ABOUT = (
     "The window shows a scan over its prediction. <b>Click a reading</b> in the plan, the range view or the table: the "
     "sentence explains it, the plan shows the path of its sound, and the trace names every echo. "
     "<b>Drag the sensor</b> to move it, or its beam to turn it: the prediction follows. Esc cancels the drag. "
-    "<b>Drop a file</b> on the window to open it: a log, a room, or a scan as CSV. "
+    "<b>Drop a file</b> on the window to open it: a log, a room, or a scan of another program. "
     "<b>Point at a name in the legend</b> to read what it means."
 )
 

@@ -20,12 +20,13 @@ from sonarhw_gui.session.session import WindowSession
 from sonarhw_gui.session.source import Replay
 from sonarhw_gui.session.status import link_figures
 from sonarhw_gui.views.base import View, png_pixels, svg_text
-from sonarhw_gui.widgets import close_dialogs, plain_tip, show_alone
+from sonarhw_gui.widgets import plain_tip, show_alone
 from sonarhw_gui.window.dialogs import RecordingsDialog, open_dialog
 from sonarhw_gui.window.import_dialog import ImportDialog
 from sonarhw_gui.window.views import ViewArea
 
 _STATED = "as stated in the file"
+_ANY_SCAN = "Scans of other programs (*)"
 
 
 class FileCommands(QMenu):
@@ -36,6 +37,8 @@ class FileCommands(QMenu):
         self._session, self._window = session, window
         # queued: a file named on the command line is opened before the window is visible
         session.import_asked.connect(self._ask_how_to_read, Qt.ConnectionType.QueuedConnection)
+        self._to_import: list[Path] = []  # scans that wait for the dialog of the one before
+        self._importing: ImportDialog | None = None
         self.shipped = QMenu("Open shipped room", window)
         for name in room_names():
             self.shipped.addAction(name).setToolTip(f"Show the readings in the shipped room {name}")
@@ -56,12 +59,12 @@ class FileCommands(QMenu):
         self.setEnabled(bool(paths))
 
     def can_drop(self, dropped: QMimeData) -> bool:
-        """Return whether the dragged files can be opened, judging by their names."""
+        """Return whether files are dragged; what they contain is looked at when they are opened."""
         return bool(_paths(dropped)) and not self._session.status.scanning
 
     def drop(self, dropped: QMimeData) -> None:
         """Open the dropped files; rooms last, so that the readings are shown in them."""
-        for path in sorted(_paths(dropped), key=lambda path: path.suffix.lower() == ".toml"):
+        for path in sorted(_paths(dropped), key=lambda path: files.file_kind(path) == "room"):
             self._session.open_file(str(path))
 
     @Slot(QAction)
@@ -75,19 +78,38 @@ class FileCommands(QMenu):
     @Slot()
     def open_log(self) -> None:
         """Ask for a log to replay."""
-        self._ask_file("Open log", "Logs and scans (*.mcap *.csv)", self._session.open_file)
+        self._ask_file("Open log", f"Logs (*.mcap);;{_ANY_SCAN}", self._session.open_file)
 
     @Slot()
     def import_scan(self) -> None:
-        """Ask for a scan of another program."""
-        self._ask_file("Import scan", "Scans of other programs (*.csv)", self._session.import_asked.emit)
+        """Ask for scans of another program."""
+        dialog = self._ask_file("Import scans", _ANY_SCAN, None)
+        dialog.setFileMode(QFileDialog.FileMode.ExistingFiles)
+        dialog.filesSelected.connect(self._import_all)
+
+    @Slot(list)
+    def _import_all(self, paths: list[str]) -> None:
+        for path in paths:
+            self._session.import_asked.emit(path)
 
     @Slot(str)
     def _ask_how_to_read(self, path: str) -> None:
-        close_dialogs(self._window)  # an earlier one of this kind cancels the reading of files when it is closed
-        dialog = ImportDialog(Path(path), self._session.shown.look.unit, self._session.jobs, self._window)
-        dialog.accepted_as.connect(self._session.import_csv)
-        show_alone(dialog)
+        """Show how a scan is read. Several scans are shown one after another."""
+        self._to_import.append(Path(path))
+        if self._importing is None:
+            self._show_next()
+
+    @Slot()
+    def _show_next(self) -> None:
+        self._importing = None
+        if self._to_import:
+            dialog = ImportDialog(self._to_import.pop(0), self._session.shown, self._session.jobs, self._window)
+            dialog.imported.connect(self._session.import_scan)
+            dialog.finished.connect(self._show_next, Qt.ConnectionType.QueuedConnection)
+            self._importing = dialog
+            if self._to_import:
+                dialog.setWindowTitle(f"{dialog.windowTitle()}, {len(self._to_import)} more to follow")
+            show_alone(dialog)
 
     @Slot()
     def open_room(self) -> None:
@@ -145,7 +167,7 @@ class FileCommands(QMenu):
             dialog.selectFile(_new_name(Path(self._session.shown.scene.room_file or "room.toml"), folder))
 
     def _ask_file(
-        self, title: str, pattern: str, chosen: Callable[[str], object], save_in: Path | None = None
+        self, title: str, pattern: str, chosen: Callable[[str], object] | None, save_in: Path | None = None
     ) -> QFileDialog:
         """Open a dialog for a file to open, or to save in a folder; `chosen` takes its path."""
         recent = self._session.documents.recent
@@ -156,7 +178,8 @@ class FileCommands(QMenu):
         else:
             dialog.setAcceptMode(QFileDialog.AcceptMode.AcceptSave)
             dialog.setDefaultSuffix("toml")
-        dialog.fileSelected.connect(chosen)
+        if chosen is not None:
+            dialog.fileSelected.connect(chosen)
         show_alone(dialog)
         return dialog
 
@@ -170,7 +193,7 @@ def _new_name(file: Path, folder: Path) -> str:
 
 def _paths(dropped: QMimeData) -> list[Path]:
     paths = [Path(url.toLocalFile()) for url in dropped.urls() if url.isLocalFile()]
-    return [path for path in paths if files.can_open(path)]
+    return [path for path in paths if path.exists()]
 
 
 # The commands that save pictures of views, data and the report. Each opens a file dialog, which is not modal.

@@ -85,6 +85,7 @@ class WindowStart:
     source: ScannerTarget | ScannerOpener | Log | None = None  # a scanner, or a log to replay
     source_name: str = "the log"  # file name of the log
     source_file: Path | None = None  # path of the log; without a log, a file to open
+    more_files: tuple[Path, ...] = ()  # to open after `source_file`
     used: tuple[Path, ...] = ()  # files named by the user, added to the recent files
     url: str = ""  # of the scanner
     takes_board: bool = False  # whether a board profile that the scanner names replaces that of the scene
@@ -161,7 +162,8 @@ def _open_source(window: MainWindow, start: WindowStart, *, resumed: bool) -> No
     elif start.source_file is not None and resumed:
         session.open_log(start.source_file, start.scene)  # restores fit results and edits too
     elif start.source_file is not None:
-        session.open_file(str(start.source_file))
+        for path in (start.source_file, *start.more_files):
+            session.open_file(str(path))
     elif start.autostart:
         session.scan_when_predicted()
 

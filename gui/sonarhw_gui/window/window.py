@@ -268,6 +268,7 @@ class MainWindow(TabbedWindow):
             (session.showing.edited, self._show_title),
             (session.status_changed, self._show_status),
             (session.room_opened, self.views.plan.fit),
+            (session.pose_asked, self.find_pose_anywhere),
             (session.saved, self.status_bar.show_briefly),
         )
 
@@ -276,6 +277,12 @@ class MainWindow(TabbedWindow):
         """Fit the pose of the scanner, and show the panel of the fit."""
         self.open_dock("Fit")
         self.fit_panel.begin.click()
+
+    @Slot()
+    def find_pose_anywhere(self) -> None:
+        """Find the pose of the scanner in the whole room, and show the panel of the fit."""
+        self.fit_panel.where.setCurrentIndex(1)
+        self.find_pose()
 
     @Slot()
     def _show_commands(self) -> None:

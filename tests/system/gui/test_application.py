@@ -81,6 +81,7 @@ def test_a_room_a_scan_and_a_fake_scanner_are_shown_at_their_place(
         ([str(csv), "--room", str(ROOM), "--place", "figure9", "--board", "paper"], "figure9", csv),
         ([str(csv), str(ROOM), "--place", "figure9", "--board", "paper"], "figure9", csv),
         ([str(csv), str(ROOM)], "figure7", csv),
+        ([str(csv), str(ROOM), __file__], "figure7", csv),  # one after another
         ([str(log), str(ROOM)], "figure7", None),
     ):
         assert run(["gui", *arguments]) == 0

@@ -31,8 +31,8 @@ from sonarhw_gui.jobs.files import (
 )
 from sonarhw_gui.jobs.jobs import Jobs
 from sonarhw_gui.model.edits import with_corner
-from sonarhw_gui.model.look import LengthUnit
 from sonarhw_gui.model.scene import Scene
+from sonarhw_gui.model.shown import Shown
 from sonarhw_gui.session.session import WindowSession
 from sonarhw_gui.window.dialogs import RecordingsDialog
 from sonarhw_gui.window.import_dialog import ImportDialog
@@ -177,14 +177,15 @@ def test_readings_are_compared_from_their_place_when_their_room_is_opened_again(
 
 
 @pytest.fixture
-def asked(jobs: Jobs, tmp_path: Path) -> Iterator[Ask]:
-    """Return a function that writes a CSV file and asks how to read it."""
+def asked(jobs: Jobs, tmp_path: Path, scene: Scene) -> Iterator[Ask]:
+    """Return a function that writes a file of another program and asks how to read it."""
     dialogs: list[ImportDialog] = []
 
-    def ask(*lines: str) -> ImportDialog:
-        (tmp_path / "turret.csv").write_text("\n".join(lines) + "\n")
-        dialogs.append(ImportDialog(tmp_path / "turret.csv", LengthUnit.M, jobs, None))
+    def ask(*lines: str, name: str = "turret.csv") -> ImportDialog:
+        (tmp_path / name).write_text("\n".join(lines) + "\n")
+        dialogs.append(ImportDialog(tmp_path / name, Shown(scene), jobs, None))
         dialogs[-1].show()
+        until(lambda: dialogs[-1].note.text() not in ("", "reading …"))
         return dialogs[-1]
 
     yield ask
@@ -204,92 +205,129 @@ def step_to(choice: QComboBox, text: str) -> None:
         key(choice, "Down")
 
 
-def test_a_csv_scan_with_known_columns_needs_only_enter(open_with: OpenWith, tmp_path: Path, scene: Scene) -> None:
+def test_a_scan_of_another_program_needs_only_enter(open_with: OpenWith, tmp_path: Path, scene: Scene) -> None:
     window, csv = open_with(), tmp_path / "turret.csv"
     assert not window.files.isEnabled()  # no recent file
     for shortcut in ("Ctrl+E", "Ctrl+Shift+E"):
         key(window, shortcut)
         assert "no readings to save" in window.banner.message
     assert dialog_of(window) is None
-    csv.write_text("turret_deg,range_cm\n0,15.4\n90,\n180,77.4\n")
+    csv.write_text("A scan of the cellar\nturret_deg,range_cm\n0,15.4\n90,\n180,77.4\n")
     for command in (window.commands.open_log, window.commands.import_scan):
         command.trigger()
         dialog_of(window).selectFile(str(csv))
         dialog_of(window).accept()
         until(lambda: isinstance(dialog_of(window), ImportDialog))
         assert dialog_of(window).windowTitle() == "Import turret.csv"
-    activate(dialog_of(window))
-    key(dialog_of(window), "Esc")
+        activate(dialog_of(window))
+        key(dialog_of(window), "Esc")
+        until(lambda: dialog_of(window) is None)
     assert not (tmp_path / "recordings").exists()
-    for _ in range(2):  # another one replaces the open dialog
-        assert drop(window, csv)
-        until(lambda: dialog_of(window) is not None and dialog_of(window).import_button.isEnabled())
+    other = tmp_path / "other.txt"
+    other.write_text("".join(f"Angle: {k} Distance: {50 + k} cm\n" for k in range(0, 90, 5)))
+    assert drop(window, csv, other)
+    until(lambda: dialog_of(window) is not None and dialog_of(window).import_button.isEnabled())
     dialog = dialog_of(window)
     assert preview(dialog) == [
-        ["0", "15.4", "0.0°", "0.154 m"],
-        ["90", "", "90.0°", "no echo"],
-        ["180", "77.4", "180.0°", "0.774 m"],
+        ["A scan of the cellar", "", ""],
+        ["turret_deg,range_cm", "", ""],
+        ["0,15.4", "0.0°", "0.154 m"],
+        ["90,", "90.0°", "no echo"],
+        ["180,77.4", "180.0°", "0.774 m"],
     ]
     assert dialog.note.text().startswith("3 readings, 1 without an echo; turntable angles 0.0° to 180.0°, 0.154 m to")
+    assert "range in centimetres: 'cm' in the text" in dialog.note.text()
     key(dialog, "Return")
     until(lambda: len(window.session.shown.readings) == 3)
     assert window.session.shown.readings[0].range == pytest.approx(0.154, abs=1e-6)
     assert "turret.csv was imported as turret.mcap" in window.banner.message
-    assert len(read_log(tmp_path / "recordings" / "turret.mcap").readings) == 3
+    log = read_log(tmp_path / "recordings" / "turret.mcap")
+    assert len(log.readings) == 3
+    assert log.metadata.source == str(csv)
+    assert "range in centimetres" in log.metadata.read_as
     assert (window.session.shown.scene.room, window.session.shown.scene.board) == (scene.room, scene.board)
+    until(lambda: dialog_of(window) is not None and dialog_of(window).windowTitle() == "Import other.txt")
+    until(dialog_of(window).import_button.isEnabled)
+    key(dialog_of(window), "Return")
+    until(lambda: len(window.session.shown.readings) == 18)
 
 
-def test_every_convention_of_a_csv_scan_is_chosen_with_the_keyboard(asked: Ask) -> None:
+def test_every_convention_of_a_table_is_chosen_with_the_keyboard(asked: Ask) -> None:
     dialog, imported = asked("a,b,c", "1,10,500", "2,20,9999", "3,30,700"), []
-    dialog.accepted_as.connect(lambda path, readings: imported.extend(readings))
-    assert "choose the column of the heading" in dialog.note.text()
+    dialog.imported.connect(lambda path, scan, pose: imported.append((path, scan, pose)))
+    fields = dialog.fields
+    assert dialog.note.text().startswith("⚠ ")
     assert not dialog.import_button.isEnabled()
-    step_to(dialog.heading, "b")
-    assert "choose the column of the range" in dialog.note.text()
-    for choice, text in (
-        (dialog.distance, "c"),
-        (dialog.time, "a"),
-        (dialog.unit, "mm"),
-        (dialog.turn, "clockwise"),
+    step_to(fields["heading"], "b")
+    until(lambda: "name the columns of both heading and range" in dialog.note.text())
+    for name, text in (
+        ("range", "c"),
+        ("time", "a"),
+        ("unit", "mm"),
+        ("turn", "clockwise"),
     ):
-        step_to(choice, text)
+        step_to(fields[name], text)
     enter(dialog.zero, "90")
-    QTest.keyClicks(dialog.no_echo, "x")
+    QTest.keyClicks(fields["no_echo"], "x")
     assert "'x'; expected a number" in dialog.note.text()
     assert not dialog.import_button.isEnabled()
-    dialog.no_echo.selectAll()
-    QTest.keyClicks(dialog.no_echo, "9999")
+    fields["no_echo"].selectAll()
+    QTest.keyClicks(fields["no_echo"], "9999")
     until(dialog.import_button.isEnabled)
-    assert [line[3:] for line in preview(dialog)] == [["80.0°", "0.500 m"], ["70.0°", "no echo"], ["60.0°", "0.700 m"]]
+    assert [line[1:] for line in preview(dialog)[1:]] == [
+        ["80.0°", "0.500 m"],
+        ["70.0°", "no echo"],
+        ["60.0°", "0.700 m"],
+    ]
     push(dialog.import_button)
-    assert [reading.range is None for reading in imported] == [False, True, False]
-    assert imported[2].time - imported[0].time == pytest.approx(2.0, abs=1e-5)
+    ((path, scan, pose),) = imported
+    assert path.name == "turret.csv"
+    assert [reading.range is None for reading in scan.readings] == [False, True, False]
+    assert scan.readings[2].time - scan.readings[0].time == pytest.approx(2.0, abs=1e-5)
+    assert not pose
 
 
 def test_a_frequent_range_means_no_echo_only_after_the_user_confirms_it(asked: Ask) -> None:
-    for silence, shown in (("400", "4.000 m"), ("0", "0.000 m")):
-        dialog = asked("turret_deg,range_cm", *(f"{10 * k},{silence if k % 3 else 15.4 + k}" for k in range(12)))
-        until(dialog.silence.isVisible)
-        assert dialog.silence.text() == f"{silence} means no echo (8 readings)"
-        assert preview(dialog)[1][-1] == shown
-        push(dialog.silence)
-        until(lambda dialog=dialog: preview(dialog)[1][-1] == "no echo")
-        assert "12 readings, 8 without an echo" in dialog.note.text()
-        assert not dialog.silence.isVisible()
-    dialog = asked("turret_deg,range_cm", *(f"{5 * k},{30 + k // 2}" for k in range(36)))  # none is frequent
-    until(dialog.import_button.isEnabled)
+    dialog = asked("turret_deg,range_cm", *(f"{10 * k},{400 if k % 3 else 15.4 + k}" for k in range(12)))
+    until(dialog.silence.isVisible)
+    assert dialog.silence.text() == "400 means no echo"
+    assert preview(dialog)[2][-1] == "4.000 m"
+    push(dialog.silence)
+    until(lambda: preview(dialog)[2][-1] == "no echo")
+    assert "12 readings, 8 without an echo" in dialog.note.text()
     assert not dialog.silence.isVisible()
 
 
-def test_a_wrong_line_is_reported_and_decimal_commas_are_recognised(asked: Ask) -> None:
-    dialog = asked("deg,m", *(f"{k},0.5" for k in range(20)), "20,oops")
-    until(lambda: "line 22: m is 'oops'; expected a number" in dialog.note.text())
+def test_a_question_is_shown_and_its_field_has_the_focus(asked: Ask) -> None:
+    dialog = asked("angle,range", *(f"{5 * k},{50 + k * 7 % 31}" for k in range(12)))
+    assert "fits centimetres and inches: add “Unit of the range” cm or in" in dialog.note.text()
     assert not dialog.import_button.isEnabled()
-    dialog = asked("Winkel;dist_cm", "1,5;15,4")
-    assert dialog.decimal_comma.isChecked()
-    step_to(dialog.heading, "Winkel")
+    step_to(dialog.fields["unit"], "cm")
     until(dialog.import_button.isEnabled)
-    assert preview(dialog) == [["1,5", "15,4", "1.5°", "0.154 m"]]
+    dialog = asked(*(f"{k % 7};{20 + k * 7 % 31}" for k in range(20)), name="pattern.log")
+    for field in ("heading", "range"):
+        assert dialog.fields[field].isVisible()
+    assert not dialog.fields["rate"].isVisible()
+    dialog = asked("0.1 0.2 0.1", "0.1 0.3 0.1", name="traces.npy")
+    until(lambda: "the sampling rate is not stated; add “Sampling rate, Hz” HZ" in dialog.note.text())
+    assert dialog.fields["rate"].isVisible()
+    assert not dialog.fields["heading"].isVisible()
+
+
+def test_a_capture_is_read_with_a_pattern_of_the_user(asked: Ask) -> None:
+    dialog = asked(*(f"<{k}|{300 + k}|7>" for k in range(9)), name="putty.log")
+    QTest.keyClicks(dialog.fields["pattern"], "<{deg}|{mm}|{-}>")
+    until(dialog.import_button.isEnabled)
+    assert preview(dialog)[1] == ["<1|301|7>", "1.0°", "0.301 m"]
+
+
+def test_the_points_are_drawn_in_the_room_before_the_import(asked: Ask, scene: Scene) -> None:
+    dialog = asked("deg,range_cm", *(f"{k},20" for k in range(0, 360, 30)))
+    drawn = dialog.plan.shown
+    assert drawn.scene is scene
+    assert {round(reading.range, 3) for reading in drawn.readings} == {0.2}
+    step_to(dialog.fields["unit"], "mm")
+    until(lambda: {round(reading.range, 3) for reading in dialog.plan.shown.readings} == {0.02})
 
 
 # recordings

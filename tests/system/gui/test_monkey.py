@@ -17,6 +17,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QDialog
 from pytestqt.exceptions import capture_exceptions
 from sonarhw_compare.scans import notes_path
+from sonarhw_gui.jobs.files import file_kind
 from sonarhw_gui.model.look import Look
 from sonarhw_gui.model.scene import Scene
 from sonarhw_gui.session.scanner import ScannerTarget
@@ -109,10 +110,11 @@ def test_files_in_turns_raise_no_error_and_keep_the_memory(
             if number == 2 * len(files):
                 warm = settled_memory(window, recorded)
             window.session.open_file(str(path))
-            if path.suffix == ".csv":
+            if file_kind(path) == "scan":
                 until(lambda: bool(window.findChildren(ImportDialog)))
                 for dialog in window.findChildren(ImportDialog):
-                    dialog.accept()
+                    until(lambda dialog=dialog: dialog.note.text() != "reading …")
+                    dialog.import_button.click()
                     dialog.close()
             until(lambda: not window.session.jobs.busy("open files"))
             QTest.qWait(60)  # two ticks

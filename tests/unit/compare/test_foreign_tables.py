@@ -6,11 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from sonarhw_compare.foreign_csv import Meaning
-from sonarhw_compare.imports import read_scan
+from sonarhw_compare.imports import ImportOptions, import_scan
 
 from sonarhw.errors import InputError
-from sonarhw.text.layouts import Layout
 
 ANGLES = range(0, 180, 15)
 RINGS = [[50.0 + angle / 4 + ring for angle in ANGLES] for ring in range(3)]  # cm
@@ -38,19 +36,19 @@ def _ranges() -> str:
 
 
 @pytest.mark.parametrize(
-    ("text", "step", "stated"),
+    ("text", "options"),
     [
-        (_wide(",", ()), 0.0, Layout(unit="cm")),
-        (_wide(",", ("time cm",), "°"), 0.0, Layout()),
-        (_wide(";", ("t", "cm")).replace(".", ","), 0.0, Layout()),
-        (_laser_scan(), 0.0, Layout()),
-        (_ranges(), 15.0, Layout()),
+        (_wide(",", ()), ImportOptions(unit="cm")),
+        (_wide(",", ("time cm",), "°"), ImportOptions()),
+        (_wide(";", ("t", "cm")).replace(".", ","), ImportOptions()),
+        (_laser_scan(), ImportOptions()),
+        (_ranges(), ImportOptions(step=15.0)),
     ],
 )
-def test_a_ring_a_line_is_read_as_sweeps(text: str, step: float, stated: Layout, tmp_path: Path) -> None:
+def test_a_ring_a_line_is_read_as_sweeps(text: str, options: ImportOptions, tmp_path: Path) -> None:
     file = tmp_path / "scan.csv"
     file.write_text(text)
-    readings = read_scan(file, Meaning(step=step), stated=stated).readings
+    readings = import_scan(file, options).readings
     np.testing.assert_allclose([math.degrees(one.angle) for one in readings], [*ANGLES] * len(RINGS), atol=1e-3)
     np.testing.assert_allclose([one.range or 0.0 for one in readings], np.ravel(RINGS) / 100, atol=1e-6)
     assert [one.sweep for one in readings] == np.repeat(range(len(RINGS)), len(ANGLES)).tolist()
@@ -59,7 +57,7 @@ def test_a_ring_a_line_is_read_as_sweeps(text: str, step: float, stated: Layout,
 def test_a_range_beyond_the_limits_of_its_message_is_no_echo(tmp_path: Path) -> None:
     file = tmp_path / "scan.csv"
     file.write_text(_ranges().replace("sonar3,0,0.02,4,0.6125", "sonar3,0,0.02,4,inf"))
-    readings = read_scan(file, Meaning(step=15.0)).readings
+    readings = import_scan(file, ImportOptions(step=15.0)).readings
     assert [number for number, one in enumerate(readings) if one.range is None] == [3]
 
 
@@ -71,7 +69,7 @@ def test_what_a_table_does_not_state_is_asked_for(text: str, expected: str, tmp_
     file = tmp_path / "scan.csv"
     file.write_text(text)
     with pytest.raises(InputError, match=expected):
-        read_scan(file)
+        import_scan(file)
 
 
 COUNT, STEP = 400, 1e-5  # samples, the first hundred before the trigger, and their distance, s
@@ -96,8 +94,8 @@ def test_a_trace_of_an_oscilloscope_begins_at_its_trigger(maker: str, tmp_path: 
     file = tmp_path / "trace.csv"
     file.write_text(OSCILLOSCOPES[maker])
     with pytest.raises(InputError, match="volts; add full_scale"):
-        read_scan(file)
-    (reading,) = read_scan(file, Meaning(full_scale=0.5)).readings
+        import_scan(file)
+    (reading,) = import_scan(file, ImportOptions(full_scale=0.5)).readings
     assert reading.trace is not None
     assert reading.trace.rate == pytest.approx(1 / STEP)
     np.testing.assert_allclose(reading.trace.samples, SIGNAL[100:] / 0.5, atol=1e-5)
@@ -117,7 +115,7 @@ def test_a_ping1d_has_its_distance_and_its_profile(tmp_path: Path) -> None:
         content += _qt(f"10:11:{second:02d}.000") + struct.pack(">I", len(frame)) + frame
     file = tmp_path / "log.bin"
     file.write_bytes(content)
-    readings = read_scan(file, Meaning(speed_of_sound=1500.0)).readings
+    readings = import_scan(file, ImportOptions(speed_of_sound=1500.0)).readings
     np.testing.assert_allclose([one.range or 0.0 for one in readings], [1.0, 1.001, 1.002])
     trace = readings[0].trace
     assert trace is not None
@@ -127,4 +125,4 @@ def test_a_ping1d_has_its_distance_and_its_profile(tmp_path: Path) -> None:
 def test_an_unknown_format_is_refused(tmp_path: Path) -> None:
     (tmp_path / "scan.csv").write_text("angle_deg,range_cm\n0,50\n")
     with pytest.raises(InputError, match="format 'xls': expected text, carmen"):
-        read_scan(tmp_path / "scan.csv", name="xls")
+        import_scan(tmp_path / "scan.csv", ImportOptions(format="xls"))

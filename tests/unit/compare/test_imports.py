@@ -1,79 +1,140 @@
-"""Columns of foreign tables are guessed by unambiguous names, and means of pings are recognised."""
+"""Tables of other programs are read by what they state, and means of pings are recognised."""
 
 import math
+import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from sonarhw_compare.foreign_csv import CsvColumns, guess_columns, likely_no_echo, read_foreign_scan
+from sonarhw_compare.imports import ImportedScan, ImportOptions, import_scan
 
 from sonarhw.errors import InputError
 from sonarhw.mean_ranges import are_means, likely_pings, unit_of
 from sonarhw.readings import FloatArray
 
 
-def written(folder: Path, header: str) -> Path:
-    path = folder / "scan.csv"
-    path.write_text(f"{header}\n0,0,100\n1,5,200\n")
-    return path
+def imported(folder: Path, text: str, **stated: Any) -> ImportedScan:
+    file = folder / "scan.csv"
+    file.write_text(text)
+    return import_scan(file, ImportOptions(**stated))
+
+
+def rows_of(scan: ImportedScan) -> list[tuple[float, float | None]]:
+    """Return the angles in degrees and the ranges in millimetres."""
+    return [
+        (round(math.degrees(reading.angle), 2), None if reading.range is None else round(1000 * reading.range, 1))
+        for reading in scan.readings
+    ]
 
 
 @pytest.mark.parametrize(
-    ("header", "columns", "scale"),
+    ("header", "unit"),
     [
-        ("turret_deg,x,range_cm", CsvColumns("turret_deg", "range_cm"), 0.01),
-        ("time_s,heading_deg,range_m", CsvColumns("heading_deg", "range_m", "time_s"), 1.0),
-        ("t,Angle,Distance (mm)", CsvColumns("Angle", "Distance (mm)", "t"), 0.001),
-        ("n,deg,cm", CsvColumns("deg", "cm"), 0.01),
-        ("max_range,angle,range_min,distance_min", CsvColumns("angle", "range_min"), 1.0),
-        ("n,bearing,range", CsvColumns("bearing", "range"), 1.0),
+        ("turret_deg,x,range_cm", 10.0),
+        ("bearing,n,Distance (mm)", 1.0),
+        ("deg,n,cm", 10.0),
+        ("Winkel (Grad),n,Abstand [m]", 1000.0),
+        ("azimuth,index,range in", 25.4),
     ],
 )
-def test_columns_and_unit_are_guessed_from_names(
-    tmp_path: Path, header: str, columns: CsvColumns, scale: float
+def test_the_names_of_columns_state_quantities_and_units(tmp_path: Path, header: str, unit: float) -> None:
+    title = "Scan of the cellar\n3 March, by hand\n\n"
+    scan = imported(tmp_path, f"{title}{header}\n0,7,100\n1,5,200\n2,5,\n")
+    assert rows_of(scan) == [(0.0, 100 * unit), (1.0, 200 * unit), (2.0, None)]
+    assert any("header" in fact for fact in scan.read_as)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "deg,range_cm\n0,52.5\n5,\n10,60.5\n",
+        "deg;range_cm\n0;52,5\n5;\n10;60,5\n",
+        "deg\trange_cm\n0\t52,5\n5\t\n10\t60,5\n",
+        "deg|range_cm\n0|52.5\n5|none\n10|60.5\n",
+        '"deg","range, cm"\n"0","52,5"\n"5",""\n"10","60,5"\n',
+        "range_cm,deg,,\n52.5,0,,\n,5,,\n60.5,10\n".replace("10\n", "10,,\n"),
+        "time_s,deg,range_cm\n0,0,52.5\n1,5,-1\n2,10,60.5\n",
+    ],
+)
+def test_separators_and_decimal_commas_are_recognised(tmp_path: Path, text: str) -> None:
+    assert rows_of(imported(tmp_path, text)) == [(0.0, 525.0), (5.0, None), (10.0, 605.0)]
+
+
+def test_times_are_used_if_their_unit_is_stated_and_they_only_grow(tmp_path: Path) -> None:
+    rows = "0,10,50\n500,20,60\n900,30,70\n"
+    scan = imported(tmp_path, f"time_ms,deg,cm\n{rows}")
+    assert [reading.time for reading in scan.readings] == pytest.approx([0.0, 0.5, 0.9])
+    scan = imported(tmp_path, f"t,deg,cm\n{rows}")  # no unit
+    assert [reading.time for reading in scan.readings] == pytest.approx([0.0, 0.1, 0.2])
+    scan = imported(tmp_path, "time_ms,deg,cm\n" + "500,10,50\n0,20,60\n")
+    assert any("times are not used: they go back" in fact for fact in scan.read_as)
+    with pytest.raises(InputError, match="they go back; sort the lines by time"):
+        imported(tmp_path, "t,deg,cm\n500,10,50\n0,20,60\n", heading="deg", range="cm", time="t")
+
+
+def test_columns_that_the_user_names_are_read_in_any_order_and_lose_no_reading(tmp_path: Path) -> None:
+    turned = [0, 90, 45, 180, 10, 170, 20, 20, 160, 30, 1, 2, 3, 4, 5, 6, 120, 7, 8]
+    text = "".join(f"{k},{angle},{1 + k / 10:.1f}\n" for k, angle in enumerate(turned))
+    for header, names in (
+        ("title\nk,a,b\n", {"heading": "a", "range": "b"}),
+        ("", {"heading": "column 2", "range": "column 3"}),
+    ):
+        scan = imported(tmp_path, f"{header}{text}", **names)
+        assert rows_of(scan) == [(float(angle), 1000 + 100.0 * k) for k, angle in enumerate(turned)]
+        assert any("range in metres, because no unit is stated" in fact for fact in scan.read_as)
+    assert rows_of(imported(tmp_path, f"k,a,b\n{text}", heading="a", range="b", unit="cm"))[0] == (0.0, 10.0)
+    assert rows_of(imported(tmp_path, f"k,a,b\n{text}", heading="a", range="b", scale=0.1))[0] == (0.0, 100.0)
+
+
+@pytest.mark.parametrize(
+    ("stated", "sign"), [({}, -1), ({"turn": "cw"}, -1), ({"turn": "ccw"}, 1)], ids=["named", "same", "other"]
+)
+def test_a_clockwise_angle_is_turned_once_and_the_user_overrules_its_name(
+    tmp_path: Path, stated: dict[str, str], sign: int
 ) -> None:
-    guessed, meaning = guess_columns(written(tmp_path, header))
-    assert (guessed, meaning.scale, meaning.sign) == (columns, scale, 1.0)
-
-
-def test_a_file_with_guessed_columns_is_read(tmp_path: Path) -> None:
-    path = written(tmp_path, "time_s,heading_deg,range_cm")
-    readings = read_foreign_scan(path, *guess_columns(path))
-    assert [reading.time for reading in readings] == [0.0, 1.0]
-    assert [reading.range for reading in readings] == pytest.approx([1.0, 2.0])
+    rows = [(angle, 50 + angle) for angle in (10, 20, 30, 40, 50)]
+    for text in (
+        "angle_cw_deg,range_cm\n" + "".join(f"{angle},{cm}\n" for angle, cm in rows),
+        "".join(f'{{"angle_cw_deg": {angle}, "range_cm": {cm}}}\n' for angle, cm in rows),
+    ):
+        scan = imported(tmp_path, text, **stated)
+        assert rows_of(scan) == [(sign * angle, 10.0 * cm) for angle, cm in rows]
 
 
 @pytest.mark.parametrize(
-    ("header", "message"),
+    ("stated", "message"),
     [
-        ("a,b,range", "a name for a heading"),
-        ("heading,b,c", "a name for a range"),
-        ("heading_left,heading_right,range", "a name for a heading"),
+        ({"heading": "deg", "range": "mm"}, "no column 'mm'; its columns: deg, a, a"),
+        ({"heading": "deg", "range": "a"}, "more than one column 'a'"),
+        ({"heading": "deg", "range": "deg"}, "'deg' is given for two quantities"),
+        ({"heading": "deg"}, "name the columns of both heading and range"),
+        ({"topic": "/sonar"}, "topic=/sonar: only for ROS bags; scan.csv has the format text of a device"),
+        ({"threshold": 2.0}, "threshold=2: expected a share"),
+        ({"scale": math.nan}, "scale=nan: expected a number above 0"),
+        ({"unit": "yd"}, "unit=yd: expected m, cm"),
     ],
 )
-def test_missing_and_ambiguous_columns_are_rejected(tmp_path: Path, header: str, message: str) -> None:
-    with pytest.raises(InputError, match=message) as rejected:
-        guess_columns(written(tmp_path, header))
-    assert "--heading COL" in str(rejected.value)
+def test_options_that_do_not_fit_are_refused(tmp_path: Path, stated: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=re.escape(message)):
+        imported(tmp_path, "deg,a,a\n0,1,2\n1,2,3\n2,3,4\n", **stated)
 
 
 @pytest.mark.parametrize(
-    ("ranges", "found"),
+    ("ranges", "silent"),
     [
-        ([0.0] * 3 + [1.0, 2.0], (0.0, 3)),
-        ([0.0] * 2 + [1.0, 2.0], None),  # fewer than three
-        ([4.0] * 3 + [0.1 * k for k in range(1, 28)], (4.0, 3)),  # a tenth of the readings, at the longest range
+        ([4.0] * 3 + [0.1 * k for k in range(1, 28)], 4.0),  # a tenth of the readings, at the longest range
         ([4.0] * 3 + [0.1 * k for k in range(1, 29)], None),  # less than a tenth
-        ([1.0] * 3 + [0.5, 2.0], None),  # neither 0 nor the longest
         ([2.0] * 5, None),  # a round tank
     ],
 )
-def test_a_frequent_range_of_0_or_the_longest_likely_stands_for_no_echo(
-    tmp_path: Path, ranges: list[float], found: tuple[float, int] | None
+def test_the_longest_range_likely_stands_for_no_echo_if_it_is_frequent(
+    tmp_path: Path, ranges: list[float], silent: float | None
 ) -> None:
-    file = tmp_path / "scan.csv"
-    file.write_text("heading,range\n" + "".join(f"{k},{value!r}\n" for k, value in enumerate(ranges)))
-    assert likely_no_echo(file, CsvColumns("heading", "range")) == found
+    shuffled = np.random.default_rng(1).permutation(ranges).tolist()
+    text = "".join(f"{k},{100 * value:.6g}\n" for k, value in enumerate(shuffled))
+    scan = imported(tmp_path, f"heading,range_cm\n{text}")
+    assert scan.likely_no_echo == (None if silent is None else 100 * silent)
 
 
 SILENT = 2.55  # m

@@ -154,7 +154,7 @@ def test_without_a_threshold_profiles_have_no_echo_and_a_torn_log_gives_those_be
         (ping360_log(("00:00:00.000", ping_message(2300, b"\0\0"))), [], "message 1: a profile of 2 bytes"),
         (ping360_log(("00:00:00.000", profile(0, b"", False))), [], "message 1: a profile of 0 samples"),
         (LOG_360, ["--threshold", "2"], "--threshold 2: expected a share of full scale"),
-        (LOG_360, ["--blanking", "0.1"], "--blanking 0.1: expected 0 to 1 s, and --threshold"),
+        (LOG_360, ["--blanking", "0.1"], "--blanking 0.1: expected 0 to 1 s, and a threshold"),
         (LOG_360, ["--no-echo", "1"], "--no-echo 1: only for formats with ranges"),
         (LOG_360, ["--speed-of-sound", "0"], "--speed-of-sound 0: expected 100 to 10000 m/s"),
     ],
@@ -172,6 +172,6 @@ def test_a_wrong_ping360_log_is_refused_in_one_line(
 def test_more_samples_than_fit_into_memory_are_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("sonarhw_compare.foreign_csv.MOST_SAMPLES", 1500)
+    monkeypatch.setattr("sonarhw_compare.foreign_rows.MOST_SAMPLES", 1500)
     assert ping360(tmp_path, LOG_360) == 2
     assert "traces of more than 1500 samples; split it into several files" in capsys.readouterr().err

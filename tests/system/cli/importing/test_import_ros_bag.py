@@ -187,7 +187,7 @@ def test_a_damaged_bag_is_refused_in_one_line(tmp_path: Path, capsys: pytest.Cap
     ("options", "message"),
     [
         (["--topic", "/map"], "no topic '/map'; topics with ranges: /scan, /sonar/left, /sonar/right"),
-        (["--range", "m"], "--range: only for CSV files"),
+        (["--range", "m"], "--range m: only for text"),
         (["--threshold", "0.5"], "--threshold 0.5: only for formats with traces"),
     ],
 )

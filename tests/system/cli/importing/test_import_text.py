@@ -36,7 +36,7 @@ def means_of_five() -> str:
     return "\n".join(["deg,cm", *(f"{2 * k},{one}" for k, one in enumerate(ranges))])
 
 
-@pytest.mark.parametrize(("unit", "options"), [("cm", ["--scale", "0.01"]), ("m", [])])
+@pytest.mark.parametrize(("unit", "options"), [("cm", ["--scale", "0.01"]), ("m", ["--scale", "1"])])
 def test_means_of_different_ranges_give_a_warning_and_are_left_out(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], unit: str, options: list[str]
 ) -> None:
@@ -70,7 +70,7 @@ def test_one_team_recorded_means_of_five_pings(
 
 
 def test_ranges_come_from_the_speed_of_sound_at_20_degrees(tmp_path: Path) -> None:
-    (reading,) = imported(tmp_path, "deg,cm\n0,1\n")
+    (reading,) = imported(tmp_path, "deg,cm\n0,1\n", "--scale", "1")
     assert reading.speed_of_sound == pytest.approx(343.987, abs=1e-3)
     assert reading.echo_times[0] == pytest.approx(2 / 343.987, abs=2e-9)
 

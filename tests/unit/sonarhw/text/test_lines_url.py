@@ -88,7 +88,7 @@ def test_a_line_is_read(query: str, line: str, printed: tuple[float | None, floa
 def test_a_csv_header_names_columns_and_unit() -> None:
     line_format = read_lines_url("lines:COM3?preset=csv").layout.make_format()
     assert line_format.read("time_ms,Distance (mm),Servo angle") == HEADER
-    assert line_format.read("17,230,90") == (Printed(90, (230,), 0.001),)
+    assert line_format.read("17,230,90") == (Printed(90, (230,), 0.001, time=0.017),)
     assert line_format.read("90,23") is None
     assert line_format.read("Angle_cw\tInches") == HEADER
     assert line_format.read("30\t10") == (Printed(-30, (10,), 0.0254),)
