@@ -5,6 +5,7 @@ import math
 import os
 import random
 from collections.abc import Callable
+from importlib.metadata import EntryPoint
 from io import FileIO
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,9 @@ import sonarhw
 from sonarhw.device.fake_board import FakeBoard
 from sonarhw.device.served import serve
 from sonarhw.log import read_log
+from sonarhw.plugins import device_plugin
 from sonarhw.readings import ScanOrder
+from tests.checkout import CHECKOUT
 from tests.conftest import Count
 from tests.fixtures.plain_echoes import PlainEchoes
 from tests.fixtures.text_devices.printing_device import PrintingDevice
@@ -68,7 +71,7 @@ def failing_drive(folder: Path, fault: str, first: int) -> type[FileIO]:
     return Drive
 
 
-@pytest.mark.parametrize("device", ["frames", "text"])
+@pytest.mark.parametrize("device", ["frames", "text", "plug-in"])
 @pytest.mark.parametrize("recorder", [by_command, by_window])
 def test_no_reading_that_was_shown_is_lost_with_its_log(
     device: str,
@@ -78,6 +81,9 @@ def test_no_reading_that_was_shown_is_lost_with_its_log(
     capsys: pytest.CaptureFixture[str],
     count: Count,
 ) -> None:
+    monkeypatch.syspath_prepend(CHECKOUT / "tests" / "fixtures" / "example_plugin")
+    turret = EntryPoint("turret", "rangebox:Turret", device_plugin.GROUP)
+    monkeypatch.setattr(device_plugin, "_installed", lambda: {"lines": device_plugin._OWN, "turret": (turret,)})
     for seed in range(count(4, 100)):
         chance, folder = random.Random(f"{device} {seed}"), tmp_path / str(seed) / "drive"
         folder.mkdir(parents=True)
@@ -88,8 +94,8 @@ def test_no_reading_that_was_shown_is_lost_with_its_log(
             PrintingDevice(RADAR.rounds()) as printing,
             serve(FakeBoard(PlainEchoes()), tcp="127.0.0.1:0", pace="max") as endpoint,
         ):
-            url = f"lines:{printing.port}?preset=arduino-radar" if device == "text" else endpoint.url
-            shown = recorder(url, folder, capsys)
+            text = f"lines:{printing.port}?preset=arduino-radar"
+            shown = recorder({"text": text, "plug-in": "turret:1"}.get(device, endpoint.url), folder, capsys)
         assert len(shown) > 30
         logs = sorted((tmp_path / str(seed)).rglob("*.mcap"), key=lambda log: len(read_log(log).readings))
         kept = [f"{math.degrees(reading.angle):.9g}" for reading in read_log(logs[-1]).readings]

@@ -3,6 +3,7 @@
 import errno
 import os
 import queue
+import sys
 import threading
 from io import FileIO
 from pathlib import Path
@@ -65,18 +66,18 @@ class Drive:
         monkeypatch.setattr(os, "fsync", self._synchronise)
 
     def _synchronise(self, descriptor: int) -> None:
-        size = os.fstat(descriptor).st_size
-        if not self.removed:
-            self._fsync(descriptor)
-        self._synchronised.put(size)
         if self.removed:
+            self._synchronised.put(sys.maxsize)
             raise OSError(errno.EIO, os.strerror(errno.EIO))
+        size = os.fstat(descriptor).st_size
+        self._fsync(descriptor)
+        self._synchronised.put(size)
 
     def wait(self) -> int:
-        """Wait until everything written is synchronised, or until one attempt has failed; return its size in bytes."""
-        size, done = self._path.stat().st_size, self._synchronised.get(timeout=HANG)
-        while done < size and not self.removed:
-            done = self._synchronised.get(timeout=HANG)
+        """Wait until everything written is synchronised, or an attempt on a removed drive fails; return the size."""
+        least = sys.maxsize if self.removed else self._path.stat().st_size
+        while (done := self._synchronised.get(timeout=HANG)) < least:
+            pass
         return done
 
 
