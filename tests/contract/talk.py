@@ -1,6 +1,7 @@
 """A direct conversation with a scanner. Nothing is repeated, and every received frame is kept."""
 
 import random
+import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -100,6 +101,7 @@ class Talk:
         self._line = line
         self._decoder = FrameDecoder()
         self._sequence = random.randrange(0x10000)  # the device may remember the last command of an earlier client
+        sys.stdout.write(f"sequence numbers follow {self._sequence}\n")  # pytest shows it if the test fails
         self._kept_alive = 0.0
 
     # sending

@@ -11,7 +11,7 @@ import pytest
 from PySide6.QtGui import QStatusTipEvent
 from PySide6.QtWidgets import QApplication, QDialog
 from sonarhw_gui.model.edits import with_sensor_at
-from sonarhw_gui.model.look import MARKS, Unclassed, ViewLayer
+from sonarhw_gui.model.look import MARKS, Unclassed
 from sonarhw_gui.model.scene import Scene, scene_of_log
 from sonarhw_gui.session import session as tick_timer
 from sonarhw_gui.session.scanner import JobState, Phase
@@ -249,23 +249,6 @@ def test_what_goes_wrong_around_a_scan_is_one_message(
         reset.scan()
         until(lambda: idle(reset, Phase.DONE))
     assert "20 of 36 angles, from 0° on, could not be checked for lost steps" in text(reset)
-
-
-def test_without_a_room_all_measured_points_are_shown(open_with: OpenWith, fake: OpenFake, scene: Scene) -> None:
-    window = open_with(scene=Scene(None, None, scene.board), source=fake("max"), autostart=True)
-    session, entries = window.session, window.legend.entries
-    until(lambda: ended(window) and len(session.shown.readings) == ORDER.readings)
-    assert set(session.shown.classes) == {Unclassed.MEASURED}
-    plan = window.views.plan.drawing
-    until(lambda: all(plan.plot.vb.viewRect().contains(*at) for at in drawn(plan._marks).values()))
-    named = {entry.text() for entry in entries.values() if entry.isVisible()}
-    assert session.shown.origin in named
-    assert not any(": " in name for name in named)  # no class: there is nothing to match
-    assert not any(entries[layer].isVisible() for layer in (ViewLayer.PREDICTED, ViewLayer.RAYS))
-    assert not window.legend.explained["wall"].isVisible()
-    push(entries[Unclassed.MEASURED])
-    assert not session.shown.classes
-    assert "open a room file" in window.sentence.text()
 
 
 def test_a_scan_from_a_moved_place_warns_that_the_scanner_has_not_moved(

@@ -11,25 +11,22 @@ from sonarhw_compare.fit import PlacedScan
 from sonarhw_compare.locate import PoseSpread
 from sonarhw_compare.rooms.evidence import FINE, evidence_of
 from sonarhw_gui.jobs.searches import loaded_scans
-from sonarhw_gui.model import scene as scenes
 from sonarhw_gui.model.edits import (
     Grip,
     GripPart,
     dragged,
     sensor_at,
     sensor_turned,
-    with_sensor_at,
 )
 from sonarhw_gui.model.look import LengthUnit
 from sonarhw_gui.model.scene import Scene, scene_of_log
 from sonarhw_gui.model.shown import Shown, overlaid
-from sonarhw_gui.session.kept import is_changed, room_text
 from sonarhw_gui.session.scanner import start_recording
 from sonarhw_gui.views.echoes import EchoList
 from sonarhw_sim.air import Air, Receiver
 from sonarhw_sim.board.profile import OwnBodyPart, load_board, parse_board
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.room import Place, load_room
+from sonarhw_sim.room.room import load_room
 
 from sonarhw.errors import InputError
 from sonarhw.log import read_log
@@ -79,33 +76,6 @@ def test_a_recording_contains_the_pose_of_the_sensor_and_the_receiver_of_its_boa
     assert math.degrees(again.pose.heading) == pytest.approx(30)
     assert again.room.places.keys() == {*scene.room.places, "0.5,0.5"}
     assert again.options.receiver_of(again.board) is receiver
-
-
-DRAGGED = with_sensor_at(SCENE, (0.5, 0.4), 0.0)
-
-
-@pytest.mark.parametrize("opened", [SCENE, DRAGGED])
-def test_a_scene_is_changed_exactly_if_its_text_is_and_a_drag_of_the_sensor_writes_none(
-    opened: Scene, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    place = SIMPLE.places["figure9"]
-    for now in (
-        SCENE,
-        replace(SCENE, place=SIMPLE.places["figure7"]),
-        replace(SCENE, place=replace(place, heading=0.1)),
-        replace(SCENE, place=replace(place, position=(0.3, 0.3))),
-        replace(SCENE, place=Place("0.5,0.4", (0.500000001, 0.4))),
-        with_sensor_at(SCENE, (0.3, 0.3), 0.0),
-        with_sensor_at(SCENE, (0.5, 0.4), 0.0),
-        NOWHERE,
-    ):
-        assert is_changed(opened, now) == (room_text(opened) != room_text(now))
-
-    def refuse(room: object, place: object) -> None:
-        raise AssertionError("the text of the room was written")
-
-    monkeypatch.setattr(scenes, "with_place", refuse)
-    assert all(is_changed(SCENE, with_sensor_at(SCENE, (0.3, 0.1 * step), 0.0)) for step in range(1, 5))
 
 
 # texts

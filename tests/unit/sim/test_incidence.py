@@ -66,15 +66,6 @@ def test_reflections_in_a_box_have_the_angles_of_image_sources() -> None:
     assert paths.gains[corner] == pytest.approx([0.7134 * 0.5866], abs=1e-4)
 
 
-def test_a_reflection_to_a_receiver_aside_is_oblique() -> None:
-    room = foam_room(walls((-9.0, 1.0), (9.0, 1.0)))
-    search = PathSearch(5.0, room.air.speed_of_sound / FREQUENCY, diffraction=False)
-    paths = paths_from(room, Place("here", (0.0, 0.0)), search, (2.0, 0.0))
-    # 1 m aside and 1 m up: 45°; the direct way has no reflection
-    assert paths.gains[paths.bounces == 1] == pytest.approx([0.65])
-    assert (paths.gains[paths.bounces == 0] == 1.0).all()
-
-
 def test_a_post_has_its_own_angle() -> None:
     post = '[[posts]]\nname = "post"\ncenter = [0.0, 2.0]\nradius = 0.2\nmaterial = "foam"\n' + walls((-9, 50), (9, 50))
     room = foam_room(post)
@@ -86,26 +77,6 @@ def test_a_post_has_its_own_angle() -> None:
         row = int(np.flatnonzero(paths.bounces == 1)[0])
         # by symmetry it touches the nearest point, (0, 1.8)
         assert paths.gains[row] / usual.gains[row] == pytest.approx(line(math.degrees(math.atan2(aside, 1.8))) / 0.8)
-
-
-def test_the_angle_is_that_in_space() -> None:
-    floor = '[floor]\nheight = 0.0\nmaterial = "foam"'
-    room = foam_room(BOX + "\n" + floor)
-    paths = found(room, Place("here", (0.5, 0.4), height=0.6), diffraction=False)
-    ways = {frozenset(paths.via(k, room)): float(paths.gains[k]) for k in range(len(paths)) if paths.bounces[k] <= 2}
-    assert ways[frozenset({"floor"})] == pytest.approx(0.2)
-    # up to the image 0.5 m behind the west wall and 1.2 m below: 1 m along, 1.2 m down
-    down = math.degrees(math.atan2(1.2, 1.0))
-    assert ways[frozenset({"west", "floor"})] == pytest.approx(line(down) * line(90 - down), rel=1e-6)
-
-
-def test_patches_of_rough_surfaces_have_the_angle_of_their_direction() -> None:
-    room = foam_room(walls((-9.0, 1.0), (9.0, 1.0)), scatter=0.5)
-    paths = found(room, Place("here", (0.0, 0.0)), diffraction=False)
-    usual = found(replace(room, tables={}), Place("here", (0.0, 0.0)), diffraction=False)
-    angles = np.degrees(np.abs(math.pi / 2 - paths.departures))
-    assert paths.scattered.sum() > 100
-    assert paths.gains / usual.gains == pytest.approx([line(angle) / 0.8 for angle in angles])
 
 
 def test_an_edge_fits_to_the_reflection_of_its_wall() -> None:

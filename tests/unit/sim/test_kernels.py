@@ -1,9 +1,7 @@
 """Compiled code: its key covers all that it depends on, damaged files are not used, and parts run on several cores."""
 
-import errno
 import importlib
 import multiprocessing
-import os
 import pkgutil
 from dataclasses import fields, replace
 from pathlib import Path
@@ -15,10 +13,9 @@ import pytest
 import sonarhw_compare
 import sonarhw_sim
 from sonarhw_sim import compiled as compiled_module
-from sonarhw_sim import compiler
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.compiled import compiled, compiled_part, in_parts
-from sonarhw_sim.compiler import digest_of, kernel_folders, store
+from sonarhw_sim.compiler import digest_of, kernel_folders
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.room import load_room
@@ -40,25 +37,6 @@ def test_the_key_of_every_kernel_covers_all_it_uses() -> None:
 
 
 # Files of compiled code.
-
-
-CODE = bytes(range(256)) * 8
-
-
-@pytest.fixture
-def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Path]:
-    chosen = [tmp_path / "installation" / "__pycache__", tmp_path / "home" / "kernels"]
-    monkeypatch.setattr(compiler, "kernel_folders", lambda: chosen)
-    return chosen
-
-
-def test_a_full_disk_is_named_and_leaves_no_part(folders: list[Path], monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(_part: str, _path: Path) -> None:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr(os, "replace", fail)
-    assert "No space left on device" in str(store("walk-float-1", "walk-float", CODE))
-    assert not [*folders[0].iterdir(), *folders[1].iterdir()]
 
 
 def test_numba_cache_dir_replaces_the_default_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -143,15 +121,6 @@ def test_parts_are_consecutive_and_in_order(monkeypatch: pytest.MonkeyPatch) -> 
     assert _bounds(in_parts(_part, 10, 5)) == [(0, 5), (5, 10)]
     assert _bounds(in_parts(_part, 10, 6)) == [(0, 10)]
     assert _bounds(in_parts(_part, 0, 1)) == [(0, 0)]
-
-
-def test_no_part_within_a_part_has_threads_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
-    _use(2, monkeypatch)
-    inner = in_parts(lambda begin, end: (get_ident(), in_parts(_part, 10, 1)), 10, 1)
-    assert [_bounds(parts) for _, parts in inner] == [[(0, 10)], [(0, 10)]]
-    assert all(parts[0][2] == thread for thread, parts in inner)
-    # later calls have threads again
-    assert len({thread for _, _, thread in in_parts(_part, 10, 1)}) == 2
 
 
 def test_a_process_of_a_pool_has_no_threads(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,7 +13,6 @@ from scipy.special import h1vp, hankel1, jv, jvp
 from sonarhw_sim.air import EdgeStrength
 from sonarhw_sim.board.beam import beam_gain
 from sonarhw_sim.rays import fan as path_table
-from sonarhw_sim.rays.diffraction import EdgeDiffraction, edge_gain
 from sonarhw_sim.rays.fan import TransducerAxes
 from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
 from sonarhw_sim.rays.posts import cylinder_factor
@@ -71,38 +70,7 @@ def test_free_wall_end_diffracts_with_the_papers_factor() -> None:
     assert 20 * math.log10(paths.gains[0]) == pytest.approx(-33.0, abs=0.1)
 
 
-def test_convex_corner_diffracts_from_outside_only() -> None:
-    box = [(1.0, -0.5), (2.0, -0.5), (2.0, 0.5), (1.0, 0.5)]
-    outside = find_paths(polygon_room(box), (0.0, -0.8), PathSearch(4.0, WAVELENGTH))
-    inside = find_paths(polygon_room(box), (1.4, 0.1), PathSearch(4.0, WAVELENGTH))
-    assert (outside.edges >= 0).any()
-    assert not (inside.edges >= 0).any()
-
-
 # Edges by the factor of the paper and by angle.
-
-
-FIN = '[[walls]]\nname = "fin"\npoints = [[1.0, 0.2], [1.0, -1.0]]\nmaterial = "hard"'
-
-
-CEILING = [(-2.0, 1.0), (2.0, 1.0)]
-
-
-def diffracted(room: Room, search: PathSearch) -> dict[tuple[str, ...], float]:
-    """Return the shortest length of each sequence that contains an edge."""
-    paths = find_paths(room, (0.0, 0.0), search)
-    return {paths.via(int(k), room): paths.lengths[k] for k in np.flatnonzero(paths.edges >= 0)[::-1]}
-
-
-def test_reflections_before_and_after_an_edge_are_found() -> None:
-    lengths = diffracted(
-        polygon_room(CEILING, closed=False, extra=FIN), PathSearch(5.0, WAVELENGTH, edge_strength=EdgeStrength.PAPER)
-    )
-    straight, mirrored = math.hypot(1.0, 0.2), math.hypot(1.0, 1.8)
-    assert lengths[("fin[0]/",)] == pytest.approx(2 * straight)
-    assert lengths[("w[0]", "fin[0]/")] == pytest.approx(straight + mirrored)
-    assert lengths[("fin[0]/", "w[0]")] == pytest.approx(straight + mirrored)
-    assert lengths[("w[0]", "fin[0]/", "w[0]")] == pytest.approx(2 * mirrored)
 
 
 @pytest.mark.parametrize("strength", EdgeStrength)
@@ -117,14 +85,6 @@ def test_no_path_above_the_faintest_is_missed(strength: EdgeStrength) -> None:
     found = np.sort(louder.lengths[louder.edges >= 0])
     assert len(rows) > 20
     assert found == pytest.approx(np.sort(everything.lengths[rows]), abs=1e-9)
-
-
-def test_longest_path_to_an_edge_just_reaches_the_faintest() -> None:
-    edge_diffraction = EdgeDiffraction(WAVELENGTH, 0.01, EdgeStrength.PAPER)
-    for distance in (0.95, 1.2, 1.7):
-        longest = float(edge_diffraction.longest_partial(np.array([distance]))[0])
-        assert edge_gain(longest, distance, WAVELENGTH) == pytest.approx(0.01)
-    assert edge_diffraction.longest_partial(np.array([0.5, 2.0])).tolist() == [math.inf, 0.0]
 
 
 def test_paths_to_a_receiver_elsewhere_are_those_of_image_sources() -> None:

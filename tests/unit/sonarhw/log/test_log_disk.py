@@ -15,7 +15,7 @@ import sonarhw.files
 import sonarhw.log.writer
 from sonarhw.errors import LogError
 from sonarhw.files import DiskSpaceMonitor, log_size
-from sonarhw.log import LogWriter, copy_log, read_log
+from sonarhw.log import LogWriter, read_log
 from tests.fixtures.example_logs import METADATA, STARTED, example_reading, write_example
 from tests.hang_guard import HANG
 from tests.unit.sonarhw.log.test_log import reading_frame
@@ -222,14 +222,3 @@ def test_a_log_that_cannot_be_started_leaves_no_file(tmp_path: Path, monkeypatch
     with pytest.raises(LogError, match="No space left on device; nothing is recorded"):
         LogWriter(tmp_path / "scan.mcap", METADATA)
     assert [*tmp_path.iterdir()] == []
-
-
-def test_impossible_times_are_replaced_in_a_copy(tmp_path: Path) -> None:
-    path, copy = tmp_path / "scan.mcap", tmp_path / "copy.mcap"
-    with LogWriter(path, METADATA) as log:
-        record_one(log, 0)
-        log.frame(True, 1.84e10, reading_frame(1))  # in the year 2553, of which 64 bits hold the nanoseconds
-    recorded = read_log(path)
-    assert copy_log(recorded, copy) == 1
-    assert len(read_log(copy).readings) == len(recorded.readings)
-    assert read_log(copy).torn is None
