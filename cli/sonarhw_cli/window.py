@@ -328,13 +328,15 @@ def _fake_scene(url: str, request: _Request) -> "Scene":
 
 def _log_scene(log: "Log", request: _Request) -> "Scene":
     from sonarhw_compare.scans import board_of_log
-    from sonarhw_gui.model.scene import scene_of_log
+    from sonarhw_gui.model.scene import begin_of, scene_of_log
     from sonarhw_sim.board.profile import load_board
 
     board = board_of_log(log.metadata) if request.board is None else load_board(request.board)
     if request.room is not None:
-        return replace(_scene(replace(request, board=None), begin_at=log.metadata.place), board=board)
-    scene = replace(scene_of_log(log.metadata), board=board)
+        scene = replace(_scene(replace(request, board=None), begin_at=log.metadata.place), board=board)
+        first = begin_of(log.readings)
+        return scene if request.place or log.metadata.place or first is None else replace(scene, place=first)
+    scene = replace(scene_of_log(log.metadata, log.readings), board=board)
     if request.place is None:
         return scene
     if scene.room is None:

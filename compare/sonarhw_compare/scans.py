@@ -21,7 +21,7 @@ from sonarhw.arguments import Warn, emit
 from sonarhw.errors import InputError, OutputError, counted, counted_are, harmless, number, text_cell
 from sonarhw.files import atomic_file
 from sonarhw.log import Log, LogMetadata, read_log
-from sonarhw.readings import FloatArray, Origin, Reading, RobotPose, angle_difference, moved_by, step_between
+from sonarhw.readings import FloatArray, Origin, Reading, RobotPose, angle_difference
 from sonarhw.scan_check import DoubtKind, Reach, check_scan
 
 # The room, place and board that a log was recorded with, even if their files no longer exist.
@@ -92,11 +92,7 @@ class GivenScan:
     @cached_property
     def poses(self) -> FloatArray | None:
         """The poses of the readings, (n, 3) m, m and rad; None if one is unknown, or if the sensor stands still."""
-        known = [reading.pose for reading in self.readings if reading.pose is not None]
-        if len(known) < len(self.readings):
-            return None
-        poses = np.array(known)
-        return None if np.ptp(poses[:, :2], axis=0).max() < _STILL and _turn(poses) < _STILL_TURN else poses
+        return None if self.readings[0].pose is None else poses_from(self.readings[0].pose, self.readings)
 
     def check_stands(self) -> None:
         """Raise InputError if the sensor has moved too far for one place."""
@@ -111,12 +107,8 @@ class GivenScan:
 
     def places(self, begin: Place) -> list[Place] | None:
         """Return the place of each reading if the first is at `begin`; None if the sensor stands still."""
-        if self.poses is None:
-            return None
-        x, y, heading = self.poses[0].tolist()
-        start = *begin.position, begin.heading
-        moved = [moved_by(start, step_between((x, y, heading), pose)) for pose in map(tuple, self.poses.tolist())]
-        return [replace(begin, position=(x, y), heading=turn) for x, y, turn in moved]
+        poses = poses_from((*begin.position, begin.heading), self.readings)
+        return None if poses is None else places_at(begin, poses)
 
     @property
     def origin(self) -> Origin:
@@ -189,6 +181,29 @@ class GivenScan:
         if given is not None:
             return load_board(given)
         return load_board(DEFAULT_BOARD) if self.log is None else board_of_log(self.log.metadata)
+
+
+def poses_from(start: RobotPose, readings: Sequence[Reading], first: RobotPose | None = None) -> FloatArray | None:
+    """Return the pose of each reading, (n, 3) m, m and rad, if the robot was at `start` when its own pose was `first`.
+
+    `first` is by default the pose of the first reading. None if a pose is unknown, or if the robot stands still there.
+    """
+    known = [reading.pose for reading in readings if reading.pose is not None]
+    if not known or len(known) < len(readings):
+        return None
+    poses, origin = np.array(known), np.array(known[0] if first is None else first)
+    moved = poses[:, :2] - origin[:2]
+    turned = angle_difference(poses[:, 2], origin[2])
+    if np.abs(moved).max() < _STILL and np.abs(turned).max() < _STILL_TURN:
+        return None
+    turn = start[2] - origin[2]
+    cosine, sine = math.cos(turn), math.sin(turn)
+    return np.column_stack((start[:2] + moved @ np.array([[cosine, sine], [-sine, cosine]]), start[2] + turned))
+
+
+def places_at(begin: Place, poses: FloatArray) -> list[Place]:
+    """Return the places of poses (n, 3), with the name and the height of `begin`."""
+    return [replace(begin, position=(x, y), heading=turn) for x, y, turn in poses.tolist()]
 
 
 def reach_of(board: Board) -> Reach:

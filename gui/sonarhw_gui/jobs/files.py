@@ -110,7 +110,7 @@ class Opened:
 def open_log(path: Path, last_scene: Scene | None = None) -> Opened:
     """Read a log; `last_scene`: the scene of the last session instead of that in the log. Raises InputError."""
     log = read_log(path)
-    return Opened(path, last_scene or scene_of_log(log.metadata), log)
+    return Opened(path, last_scene or scene_of_log(log.metadata, log.readings), log)
 
 
 def read_grown_log(path: Path) -> tuple[Path, Log, float]:
@@ -544,7 +544,10 @@ def _notes_in(log: Log, notes: Sequence[ReadingNote]) -> dict[int, str]:
 
 def _summary(log: Log, scene: Scene) -> str:
     from sonarhw_compare.match import compare_readings
+    from sonarhw_compare.scans import places_at
 
     room, _ = room_and_place(scene)
-    compared = compare_readings(log.readings, room, scene.pose, scene.board, scene.options)
+    poses = scene.poses_of(log.readings)
+    where = scene.pose if poses is None else places_at(scene.pose, poses)
+    compared = compare_readings(log.readings, room, where, scene.board, scene.options)
     return json_text(asdict(replace(compared, origin=log.origin).summary())) + "\n"

@@ -13,13 +13,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from sonarhw_compare.match import Comparison, Kind, Matched, headings_of, match_readings
+from sonarhw_compare.match import Comparison, Kind, Matched, headings_of, match_readings, predicted_for
+from sonarhw_compare.scans import places_at
 from sonarhw_sim.air import Receiver
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import PredictionOptions, paths_serve_all_headings, predict_scan
 from sonarhw_sim.rays.paths import Paths
 
-from sonarhw.readings import FloatArray, Reading
+from sonarhw.readings import FloatArray, Reading, RobotPose
 from sonarhw_gui.jobs.jobs import Jobs
 from sonarhw_gui.model.edits import room_and_place
 from sonarhw_gui.model.scene import Scene
@@ -212,16 +213,25 @@ class ComparedScan:
         return ComparedScan(tuple(stretch for stretch in kept if stretch.scene_generation == generation))
 
 
-def compare_stretches(result: PathsFound, stretches: Sequence[tuple[int, tuple[Reading, ...]]]) -> tuple[Stretch, ...]:
-    """Compare stretches, each with the number of its first reading, with the prediction from these paths."""
-    return tuple(_compared(result, first, readings) for first, readings in stretches)
+def compare_stretches(
+    result: PathsFound, stretches: Sequence[tuple[int, tuple[Reading, ...]]], begin: RobotPose | None = None
+) -> tuple[Stretch, ...]:
+    """Compare stretches, each with the number of its first reading, with the prediction from these paths.
+
+    `begin`: the pose of the first reading of the scan, which was made at the place of the scene.
+    """
+    return tuple(_compared(result, first, readings, begin) for first, readings in stretches)
 
 
-def _compared(result: PathsFound, first: int, readings: tuple[Reading, ...]) -> Stretch:
+def _compared(result: PathsFound, first: int, readings: tuple[Reading, ...], begin: RobotPose | None) -> Stretch:
     scene = result.scene
     room, _ = room_and_place(scene)
-    headings = headings_of(readings, scene.pose, scene.board)
-    prediction = predict_scan(room, scene.pose, scene.board, headings, result.options, result.paths)
+    poses = scene.poses_of(readings, begin)
+    if poses is None:
+        headings = headings_of(readings, scene.pose, scene.board)
+        prediction = predict_scan(room, scene.pose, scene.board, headings, result.options, result.paths)
+    else:
+        prediction = predicted_for(readings, room, places_at(scene.pose, poses), scene.board, result.options)
     if prediction.only_at is None and len(prediction.paths) == len(result.paths):
         # all stretches share one table of paths; their copies would fill the memory
         prediction = replace(prediction, paths=result.paths)
@@ -285,7 +295,8 @@ class Comparer:
         chosen = nearest[: _AT_ONCE if alike else 1]  # otherwise each heading needs its own search
         if chosen:
             stretches = tuple((begin, tuple(self._readings[begin:end])) for begin, end in chosen)
-            self._jobs.run(_COMPARE, compare_stretches, result, stretches, then=partial(self._take, self._scan))
+            begin = self._readings[0].pose
+            self._jobs.run(_COMPARE, compare_stretches, result, stretches, begin, then=partial(self._take, self._scan))
 
     @property
     def _current(self) -> list[Stretch]:

@@ -105,7 +105,8 @@ def chosen_trace(scene: Scene, reading: Reading | None, prediction: PredictedSca
     predicted, heading = None, scene.pose.heading + (0.0 if reading is None else board.turned(reading.angle))
     if prediction is not None:
         predicted = _predicted(prediction.ping(index).signal(duration), recorded, board, floor)
-        heading = heading if reading is not None else float(prediction.headings[index])
+        if reading is None or prediction.poses is not None:
+            heading = float(prediction.headings[index])
     return ChosenTrace(
         heading=heading,
         speed=speed,

@@ -60,8 +60,9 @@ def rows_of(
     compared: ComparedScan | None,
     scene: Scene,
     before: ReadingRows = NO_ROWS,
+    poses: FloatArray | None = None,
 ) -> ReadingRows:
-    """Return the rows of readings made in a scene.
+    """Return the rows of readings made in a scene, of a sensor that moves at poses (n, 3) m, m and rad.
 
     Values of the same readings are copied from the rows `before`.
     """
@@ -72,7 +73,8 @@ def rows_of(
     measured = np.concatenate((before.measured[:shared], [math.nan if far is None else far for far in ranges]))
     uncompared = Unclassed.WAITING if scene.room else Unclassed.MEASURED
     predicted, classes, paths, names = _compared_values(len(angles), compared, CODES[uncompared])
-    headings = np.mod(scene.board.turned(angles) + math.degrees(scene.pose.heading), 360.0)
+    zeros = scene.pose.heading if poses is None else poses[:, 2]
+    headings = np.mod(scene.board.turned(angles) + np.degrees(zeros), 360.0)
     return ReadingRows(readings, angles, headings, measured, predicted, classes, paths, names)
 
 

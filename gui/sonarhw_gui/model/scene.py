@@ -1,7 +1,7 @@
 """The scene of a prediction (room, place and board), its history for undo, and its geometry in the plan."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 from sonarhw_compare.pictures import points_at
-from sonarhw_compare.scans import board_of_log
+from sonarhw_compare.scans import board_of_log, poses_from
 from sonarhw_sim.board.beam import beam_gain
 from sonarhw_sim.board.profile import Board, parse_board
 from sonarhw_sim.predict.predicted_scan import PredictedScan
@@ -19,7 +19,7 @@ from sonarhw_sim.room.room_writing import with_place
 
 from sonarhw.errors import InputError
 from sonarhw.log import LogMetadata
-from sonarhw.readings import FloatArray
+from sonarhw.readings import FloatArray, Reading, RobotPose
 
 # The scene of a prediction: a room, a place in it and a board; or a board alone if the room is unknown.
 
@@ -42,6 +42,16 @@ class Scene:
         """The place, with the actual heading of the turntable's zero; without a room the origin, facing +x."""
         place = self.place or NOWHERE
         return replace(place, heading=self.board.heading_at(0.0, place.heading))
+
+    def poses_of(self, readings: Sequence[Reading], first: RobotPose | None = None) -> FloatArray | None:
+        """Return x, y (m) and heading (rad) of step 0 at each reading of a sensor that moves, (n, 3).
+
+        The sensor was at the place when its own pose was `first`, by default that of the first reading. None if the
+        sensor stands still, or a pose is unknown.
+        """
+        place = self.place or NOWHERE
+        poses = poses_from((*place.position, place.heading), readings, first)
+        return None if poses is None else poses + np.array([0.0, 0.0, self.board.heading_at(0.0, 0.0)])
 
     @cached_property
     def written_room(self) -> Room | None:
@@ -94,13 +104,24 @@ def place_warning(metadata: LogMetadata, scene: Scene) -> str:
     )
 
 
-def scene_of_log(metadata: LogMetadata) -> Scene:
-    """Return the scene stored in a log. Raises InputError if its room or place is invalid."""
+def begin_of(readings: Sequence[Reading]) -> Place | None:
+    """Return the place of the first reading of a robot that moves; None without poses."""
+    if not readings or readings[0].pose is None:
+        return None
+    x, y, heading = readings[0].pose
+    return Place(position_name((round(x, 3), round(y, 3))), (x, y), heading)
+
+
+def scene_of_log(metadata: LogMetadata, readings: Sequence[Reading] = ()) -> Scene:
+    """Return the scene stored in a log. Without a place, it is at the pose of the first of the readings, if known.
+
+    Raises InputError if its room or place is invalid.
+    """
     board = board_of_log(metadata)
     if not metadata.room_text:
         return scene_with(board)
     room = parse_room(metadata.room_text, f"the room in the log ({metadata.room_file or 'no name'})")
-    place = room.place(metadata.place) if metadata.place else first_place(room)
+    place = room.place(metadata.place) if metadata.place else begin_of(readings) or first_place(room)
     return scene_with(board, room, place, metadata.room_file)
 
 

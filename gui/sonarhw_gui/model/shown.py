@@ -13,10 +13,11 @@ import numpy as np
 from sonarhw_compare.explain import explain_heading, explain_reading
 from sonarhw_compare.match import Matched
 from sonarhw_compare.pictures import points_at
+from sonarhw_compare.scans import places_at
 from sonarhw_compare.sound import PlayedPing, caption_at
 from sonarhw_compare.two_scans import HeadingSeries, heading_series
 from sonarhw_sim.predict.predicted_scan import PredictedScan, standpoints
-from sonarhw_sim.room.room import Room
+from sonarhw_sim.room.room import Place, Room
 
 from sonarhw.readings import FloatArray, Origin, Reading, heading_text
 from sonarhw_gui.jobs.forecast import ComparedScan
@@ -81,9 +82,13 @@ def overlaid(name: str, readings: tuple[Reading, ...], scene: Scene, drawn_in: S
     """
     drawn = replace(drawn_in, board=scene.board) if drawn_in is not None and scene.place is None else scene
     series = heading_series(readings, drawn.board, drawn.place.heading if drawn.place else 0.0)
-    sensors = standpoints(drawn.board, drawn.pose, series.headings) if len(readings) else np.empty((0, 2))
-    points = points_at(sensors, series.headings, series.ranges)
-    return OverlaidScan(name, series, points, readings, scene)
+    poses, headings, ranges = drawn.poses_of(readings), series.headings, series.ranges
+    if poses is not None:
+        headings = poses[:, 2] + drawn.board.turned(np.array([reading.angle for reading in readings]))
+        ranges = np.array([reading.range for reading in readings], dtype=np.float64)  # None is NaN
+    where = drawn.pose if poses is None else poses
+    sensors = standpoints(drawn.board, where, headings) if len(readings) else np.empty((0, 2))
+    return OverlaidScan(name, series, points_at(sensors, headings, ranges), readings, scene)
 
 
 # A proposed change of the room, with the readings that it explains, drawn but not made yet.
@@ -111,6 +116,8 @@ def proposal_of(room: Room, changed: Room, readings: tuple[int, ...], surface: s
         posts = [] if walls or number in room.levels else [room.posts[number - len(room.walls)]]
     return Proposal(readings, np.array(walls).reshape(-1, 4), np.array(posts).reshape(-1, 3))
 
+
+_SAME_PLACE = 1e-6  # m
 
 _HINT = "No reading yet: open a log or a room, or scan (F5) with a connected scanner."
 _HINT_IN_A_ROOM = "No reading yet. Click the predicted outline to see what the sonar would read there, and why."
@@ -167,6 +174,7 @@ class Shown:
     outline: PredictedScan | None = None
     compared: ComparedScan | None = None
     readings: tuple[Reading, ...] = ()
+    poses: FloatArray | None = None  # (n, 3), m, m and rad, of a sensor that moves; None: it stands at the place
     origin: Origin = Origin.MEASURED  # of the readings
     chosen: int | None = None
     asked: float | None = None  # rad in the room: a heading that is explained without a reading
@@ -236,7 +244,16 @@ class Shown:
 
     def heading(self, reading: int) -> float:
         """Return the heading of a reading in the room, rad."""
-        return self.scene.pose.heading + self.scene.board.turned(self.readings[reading].angle)
+        zero = self.scene.pose.heading if self.poses is None else float(self.poses[reading, 2])
+        return zero + self.scene.board.turned(self.readings[reading].angle)
+
+    @property
+    def sensor(self) -> Place:
+        """The place of the sensor: of one that moves, at the selected reading, or else the newest."""
+        if self.poses is None:
+            return self.scene.pose
+        chosen = len(self.poses) - 1 if self.chosen is None else self.chosen
+        return places_at(self.scene.pose, self.poses[chosen : chosen + 1])[0]
 
     def changed_since(self, before: "Shown | None", parts: Parts) -> bool:
         """Return whether any of these parts is another object than in `before`, which a view drew last, if anything."""
@@ -276,7 +293,7 @@ class Shown:
     @cached_property
     def rows(self) -> ReadingRows:
         """All readings as rows of a table."""
-        return rows_of(self.readings, self.compared, self.scene, self.earlier)
+        return rows_of(self.readings, self.compared, self.scene, self.earlier, self.poses)
 
     @property
     def known_rows(self) -> ReadingRows:
@@ -339,12 +356,19 @@ def chosen_path(shown: Shown) -> ChosenPath | None:
 
 
 def _path(shown: Shown, prediction: PredictedScan, path: int, explains: bool) -> ChosenPath | None:
-    if path < 0 or prediction.place.position != shown.scene.pose.position:
+    if path < 0 or not _is_at_sensor(shown, prediction):
         return None
     names, losses = prediction.paths.via(path, prediction.room), dict(bounce_losses(prediction, path))
     by_bounce = tuple(losses.get(number) for number in range(1, len(names) + 1))
     corners = np.asarray(prediction.paths.outline(path))
     return ChosenPath(corners, tuple(names), by_bounce, explains)
+
+
+def _is_at_sensor(shown: Shown, prediction: PredictedScan) -> bool:
+    """Return whether a prediction is from where the sensor is now."""
+    if prediction.poses is None:
+        return prediction.place.position == shown.sensor.position
+    return bool((np.hypot(*(prediction.poses[:, :2] - shown.sensor.position).T) < _SAME_PLACE).any())
 
 
 def bounces_text(shown: Shown) -> str:

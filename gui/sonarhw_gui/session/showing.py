@@ -321,7 +321,7 @@ class ShownModel(QObject):
     @Slot(float)
     def ask(self, heading: float) -> None:
         """Explain a heading (rad in the room) without a reading, until a reading is selected."""
-        if self.shown.scene.room is not None:
+        if self.shown.scene.room is not None and self.shown.poses is None:
             self.shown = replace(self.shown, asked=heading % math.tau, pointed_path=None)
             self._update_due = True  # the mouse moves more often than the views are updated
 
@@ -443,13 +443,16 @@ class ShownModel(QObject):
         readings, compared = self._source().shown, self.forecast.compared
         chosen = self._chosen(len(readings), compared.end if compared else 0)
         self.forecast.prefer(chosen)
+        poses = self.shown.scene.poses_of(readings)
         shown = replace(
             self.shown,
-            outline=self.forecast.outline,
-            chances=self.forecast.chances,
+            # an outline is that of one place
+            outline=self.forecast.outline if poses is None else None,
+            chances=self.forecast.chances if poses is None else None,
             compared=compared,
             outdated=self.forecast.outdated,
             readings=readings,
+            poses=poses,
             origin=self._source().origin,
             earlier=self.shown.known_rows,
             chosen=chosen,
@@ -489,7 +492,7 @@ def _read_scan(path: Path, scene: Scene) -> OverlaidScan:
     log = read_log(path)
     if not log.readings:
         raise InputError(f"{path.name}: contains no readings")
-    return overlaid(path.stem, log.readings, scene_of_log(log.metadata), scene)
+    return overlaid(path.stem, log.readings, scene_of_log(log.metadata, log.readings), scene)
 
 
 class ScanList(QObject):

@@ -253,13 +253,13 @@ class PlanDrawing(base.Canvas):
         self._outline.setVisible(shown.draws(ViewLayer.PREDICTED))
 
     def _draw_marks(self, shown: Shown) -> None:
-        sensors = partial(standpoints, shown.scene.board, shown.scene.pose)
-        self._marks.draw(
-            {
-                kind: (points, points_at(sensors(points.headings), points.headings, points.ranges))
-                for kind, points in shown.classes.items()
-            }
-        )
+        board, poses = shown.scene.board, shown.poses
+        placed = {}
+        for kind, points in shown.classes.items():
+            where = shown.scene.pose if poses is None else poses[list(points.readings)]
+            sensors = standpoints(board, where, points.headings)
+            placed[kind] = points, points_at(sensors, points.headings, points.ranges)
+        self._marks.draw(placed)
 
     def _draw_overlays(self, shown: Shown) -> None:
         self.overlays.draw({scan.style: scan.points for scan in shown.overlays if scan.visible})
@@ -272,14 +272,14 @@ class PlanDrawing(base.Canvas):
         self.proposal.draw_surfaces(proposal.walls, proposal.posts, explained)
 
     def _draw_arrows(self, shown: Shown) -> None:
-        self.arrows.draw(self._marks.placed, shown.scene.pose.position, shown.chosen)
+        self.arrows.draw(self._marks.placed, shown.sensor.position, shown.chosen)
 
     def _tip(self, index: int) -> str:
         return reading_tip(self.shown, index) if self.shown else ""
 
 
 def _beam_parts(shown: Shown) -> tuple[object, ...]:
-    return shown.scene, shown.readings, shown.chosen, shown.asked, shown.look, shown.hidden
+    return shown.scene, shown.readings, shown.poses, shown.chosen, shown.asked, shown.look, shown.hidden
 
 
 def _path_parts(shown: Shown) -> tuple[object, ...]:

@@ -66,7 +66,7 @@ class RoomLayer(PlotLayer):
 
 
 class SensorLayer(PlotLayer):
-    """The sensor, its zero, its beam and its direction now, and a cross at the pointer of another view."""
+    """The sensor, its zero, beam, direction and trajectory, and a cross at the pointer of another view."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
         super().__init__(plot)
@@ -74,7 +74,9 @@ class SensorLayer(PlotLayer):
         self._beam = self._add(PlotLine(pen=None, filled=True), -10, brush="beam")
         self._axis = self._add(PlotLine(), -9, "ink", style=Qt.PenStyle.DashLine)
         self._turntable = self._add(PlotLine(), -9, "faint", style=Qt.PenStyle.DotLine)
+        self._trajectory = self._add(PlotLine(), 19, "ink", 1.5, bounds=True)
         self._zero = self._add(PlotLine(), 20, "ink", 2.5)
+        self._start = self._add(Spots(size=9, symbol="o"), 20, "paper", brush="ink")  # of the trajectory
         # filled: the ring of the selected reading is hollow
         self._handle = self._add(Spots(size=11, symbol="o"), 21, "paper", brush="ink")
         self._sensor = self._add(Spots(size=_SENSOR, symbol="d"), 22, "paper", brush="ink", bounds=True)
@@ -85,32 +87,35 @@ class SensorLayer(PlotLayer):
 
         Without readings, the beam is at step 0.
         """
-        scene, room = shown.scene, shown.scene.room
-        self._sensor.setData(*np.array([scene.pose.position]).T)
+        scene, room, pose = shown.scene, shown.scene.room, shown.sensor
+        self._sensor.setData(*np.array([pose.position]).T)
+        self._trajectory.setData(*(_NOTHING if shown.poses is None else shown.poses[:, :2]).T)
         wedge, axis, turntable, zero, self.handle_at = _NOTHING, _NOTHING, _NOTHING, _NOTHING, None
         if room is not None:
-            newest = shown.heading(len(shown.readings) - 1) if shown.readings else scene.pose.heading
+            newest = shown.heading(len(shown.readings) - 1) if shown.readings else pose.heading
             heading = newest if shown.due_heading is None else shown.due_heading
             size = math.hypot(*np.ptp(room.walls.reshape(-1, 2), axis=0))
             length, handle = _BEAM_LENGTH * size, _HANDLE * size
-            wedge = beam_wedge(scene.pose, heading, half_power_angle(scene.board, room), length)
-            axis = points_at(scene.pose.position, np.full(3, heading), np.array([0.0, handle, length]))
-            self.handle_at = float(axis[1, 0]), float(axis[1, 1])
-            zero = points_at(scene.pose.position, np.full(2, scene.pose.heading), np.array([0.0, _ZERO * size]))
+            wedge = beam_wedge(pose, heading, half_power_angle(scene.board, room), length)
+            axis = points_at(pose.position, np.full(3, heading), np.array([0.0, handle, length]))
+            if shown.poses is None:  # a trajectory is moved at its start
+                self.handle_at = float(axis[1, 0]), float(axis[1, 1])
+            zero = points_at(pose.position, np.full(2, pose.heading), np.array([0.0, _ZERO * size]))
             if newest != heading:
-                turntable = points_at(scene.pose.position, np.full(2, newest), np.array([0.0, handle]))
+                turntable = points_at(pose.position, np.full(2, newest), np.array([0.0, handle]))
         self._beam.setData(*wedge.T)
         self._beam.setVisible(shown.draws(ViewLayer.BEAM))
         self._axis.setData(*axis.T)
         self._turntable.setData(*turntable.T)
         self._zero.setData(*zero.T)
-        self._handle.setData(*axis[1:2].T)
+        self._handle.setData(*(axis[1:2] if self.handle_at else _NOTHING).T)
+        self._start.setData(*(_NOTHING if shown.poses is None else np.array([scene.pose.position])).T)
 
     def draw_cursor(self, shown: Shown) -> None:
         """Draw the cursor of another view, or hide it if there is none."""
         points, cursor = _NOTHING, shown.cursor
         if cursor is not None:
-            points = points_at(shown.scene.pose.position, np.array([cursor.heading]), np.array([cursor.range]))
+            points = points_at(shown.sensor.position, np.array([cursor.heading]), np.array([cursor.range]))
         _set(self._cross, points)  # hidden items take no time
 
 
@@ -144,7 +149,7 @@ class PathLayer(PlotLayer):
             self._drawn_with = self._colour, style
             self._rays.setPen(cosmetic_pen(self._colour, width=1.5, style=style))
         self._rays.setData(*points.T)
-        self._texts, self._sensor = bounce_labels(points), shown.scene.pose.position
+        self._texts, self._sensor = bounce_labels(points), shown.sensor.position
         for k, label in enumerate(self._labels):
             label.setVisible(k < len(self._texts))
             if k < len(self._texts):

@@ -14,18 +14,21 @@ from PySide6.QtCore import QPoint
 from PySide6.QtGui import QAction, QImage
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QGraphicsView, QToolButton
+from sonarhw_compare.match import Kind
 from sonarhw_gui.model.look import DARK, LIGHT
-from sonarhw_gui.model.scene import Scene
+from sonarhw_gui.model.scene import Scene, scene_of_log
 from sonarhw_gui.panels.replay import time_text
 from sonarhw_gui.session.source import SPEEDS
 from sonarhw_gui.window.bars import activity_text
 from sonarhw_gui.window.window import MainWindow
 
+import sonarhw
 from sonarhw.log import Log, read_log
 from sonarhw.log.mcap_records import OpenFile
+from sonarhw.log.writer import write_scan
 from sonarhw.wire.messages import Outcome
 from tests.system.gui.conftest import ORDER, OpenFake, OpenSession, OpenWith
-from tests.system.gui.driving import LEFT, ended, key, predicted, push, until
+from tests.system.gui.driving import LEFT, drawn, ended, keep_pictures, key, predicted, push, until
 
 WAIT = 60.0  # s in the middle of the second scan
 
@@ -327,3 +330,31 @@ def test_a_torn_log_that_is_not_written_any_more_is_reported(
     kept = len(session.shown.readings)
     assert 0 < kept < ORDER.readings
     assert f"{kept} whole readings are shown; to repair it: `sonarhw log recover`" in session.notices.shown.text
+
+
+def test_a_replay_moves_the_sensor_along_the_poses_and_draws_readings_where_they_were_made(
+    open_with: OpenWith, tmp_path: Path
+) -> None:
+    """A robot with sensors ahead and to the left drives along x in a rectangle of 2 m by 1.6 m."""
+    room = sonarhw.room_from_arrays([[0, 0], [2, 0], [2, 1.6], [0, 1.6]], places={"start": (0.5, 0.7)})
+    x = np.linspace(0.5, 1.1, 13)
+    poses = np.column_stack((x + 3, np.full(13, 0.7), np.zeros(13)))  # odometry that begins 3 m beside the place
+    ranges = np.column_stack((2 - x, np.full(13, 0.9)))
+    scan = sonarhw.scan_from_arrays(np.tile([0, math.pi / 2], 13), ranges.ravel(), pose=np.repeat(poses, 2, axis=0))
+    board = sonarhw.load_board("paper")
+    metadata = sonarhw.LogMetadata("import", 1e9, "room.toml", room.text, "start", board.name, board.text)
+    write_scan(tmp_path / "drive.mcap", metadata, scan.readings)
+    drive = read_log(tmp_path / "drive.mcap")
+    window = open_with(scene=scene_of_log(metadata, drive.readings), source=drive)
+    session, plan = window.session, window.views.plan.drawing
+    until(lambda: session.showing.forecast.compared is not None and session.showing.forecast.uncompared == 0)
+    until(lambda: session.shown.compared is not None and session.shown.compared.end == 26)
+    keep_pictures(window, "drive")
+    at_walls = {k: (2.0, 0.7) if k % 2 == 0 else (x[k // 2], 1.6) for k in range(26)}
+    assert drawn(plan._marks) == {k: pytest.approx(point, abs=1e-5) for k, point in at_walls.items()}
+    assert {row.kind for row in map(session.shown.row, range(26)) if row} == {Kind.MATCH}
+    for reading in (25, 8, 3):
+        session.replay.seek_reading(reading)
+        until(lambda reading=reading: seen(window) == reading + 1)
+        assert session.shown.sensor.position == pytest.approx((x[reading // 2], 0.7))
+        assert f"at {(reading % 2) * 90:.1f}°: one reflection" in window.sentence.text()
