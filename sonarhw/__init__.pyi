@@ -13,7 +13,7 @@ from sonarhw_compare import (
     explain_reading,
     map_scans,
 )
-from sonarhw_compare.drawings import draw_comparison
+from sonarhw_compare.drawings import draw_comparison, draw_track
 from sonarhw_compare.imports import ImportedScan, ImportOptions, import_scan
 from sonarhw_compare.one_call import (
     calibrate,
@@ -23,13 +23,15 @@ from sonarhw_compare.one_call import (
     fit,
     locate,
     map_room,
+    save_scan,
+    track,
     write_report,
 )
 from sonarhw_compare.room_import.imported import ImportedRoom, import_room
 from sonarhw_compare.scanner_url import open_scanner
 from sonarhw_compare.scans import GivenScan, scan_from_arrays
 from sonarhw_compare.study import load_study, read_study, run_study
-from sonarhw_compare.track import Tracked, Tracker, log_likelihood
+from sonarhw_compare.track import Track, Tracked, Tracker, log_likelihood
 from sonarhw_sim import (
     Board,
     Place,
@@ -92,6 +94,7 @@ __all__ = [
     "Scanner",
     "SonarError",
     "Trace",
+    "Track",
     "Tracked",
     "Tracker",
     "board_names",
@@ -102,6 +105,7 @@ __all__ = [
     "draw_located",
     "draw_map",
     "draw_plan",
+    "draw_track",
     "explain_reading",
     "find_missing",
     "fit",
@@ -125,8 +129,10 @@ __all__ = [
     "room_names",
     "run_study",
     "save_room",
+    "save_scan",
     "scan_from_arrays",
     "sector",
     "serve",
+    "track",
     "write_report",
 ]

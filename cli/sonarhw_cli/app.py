@@ -233,6 +233,7 @@ _COMMANDS: dict[str, dict[str, Callable[..., int | None] | typer.Typer]] = {
         "compare": compare.compare,
         "report": compare.report,
         "locate": fit.locate,
+        "track": fit.track,
         "fit": fit.fit,
         "map": fit.map_logs,
         "calibrate": calibrate.calibrate,

@@ -1,15 +1,16 @@
-"""`sonarhw fit`, `locate`, `map` and `study`: values, poses and rooms that explain scans, and many predictions."""
+"""`sonarhw fit`, `locate`, `track`, `map` and `study`: values, poses and rooms of scans, and many predictions."""
 
 import math
 import shlex
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from sonarhw_compare.fit.quantities import QUANTITIES, ROOM_TOLERANCE, BoardQuantity, words_of
 from sonarhw_compare.picture_file import PICTURES
+from sonarhw_sim.air import Model
 
 from sonarhw.errors import InputError, counted
 from sonarhw_cli import options
@@ -256,6 +257,77 @@ def locate(
         given = {option: str(value) for option, value in {**named, **of_command}.items() if value is not None}
         written = " ".join(f"{option} {shlex.quote(value)}" for option, value in given.items())
         options.print_note(f"next: sonarhw {command} {shlex.quote(str(log_file))} {written}")
+
+
+TrackStart = Annotated[
+    str | None,
+    typer.Option(
+        help="Where the robot begins: everywhere searches the whole room; default: the place of the log, or else its "
+        "first pose.",
+        metavar="NAME|X,Y,DEG|everywhere",
+    ),
+]
+TrackModel = Annotated[
+    Literal["multipath", "nearest", "cone"],
+    typer.Option(help="multipath follows sound; nearest is the first wall ahead, cone that within 15 degrees."),
+]
+TrackFiles = Annotated[
+    list[Path] | None,
+    typer.Option(
+        help="Trajectory with standard deviations, or a picture. Once for each file.",
+        metavar=f"FILE.csv|{options.PICTURE_FILE}",
+    ),
+]
+_MODELS = {"multipath": Model.RAY_FOLLOWING, "nearest": Model.NEAREST, "cone": Model.CONE}
+
+
+def track(
+    log_file: LogFile,
+    room_name: options.RoomOfLog = None,
+    board: options.BoardOfLog = None,
+    start: TrackStart = None,
+    model: TrackModel = "multipath",
+    particles: Annotated[int, typer.Option(help="Number of particles.", min=10, max=1_000_000)] = 1000,
+    seed: Annotated[int, typer.Option(help="Seed of the particles; the same seed gives the same result.", min=0)] = 0,
+    out: TrackFiles = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the trajectory as JSON.")] = False,
+    force: options.Force = False,
+) -> None:
+    """Follow a robot through a known room, by its odometry and its sonar.
+
+    A particle filter uses the steps between the poses of the log as odometry, and its readings. When the robot is lost,
+    because no pose near the one stated explains its readings, it is searched in the room.
+    """
+    files: dict[bool, Path] = {}  # by whether it is a picture
+    for path in out or ():
+        is_picture = checked_out(path, [*PICTURES, ".csv"], force, log_file, room_name, board) != ".csv"
+        if is_picture in files:
+            raise InputError(f"--out {files[is_picture]}, --out {path}: give one picture and one .csv at most")
+        files[is_picture] = path
+    scan, room, chosen = open_in_room(log_file, room_name, board)
+    from sonarhw_compare import one_call
+
+    with progress_of_share() as show:
+        tracked = one_call.track(
+            scan,
+            room,
+            chosen,
+            start,
+            model=_MODELS[model],
+            particles=particles,
+            seed=seed,
+            progress=lambda share: show(share, "tracking"),
+            warn=lambda _doubt: None,  # printed below
+        )
+    if False in files:
+        write_text(files[False], tracked.csv(), force)
+    if True in files:
+        from sonarhw_compare.drawings import draw_track
+
+        write_figure(files[True], draw_track(tracked), force)
+    options.print_result(as_json, tracked.figures, tracked.lines)
+    for doubt in tracked.doubts:
+        options.warn(doubt)
 
 
 StudyFile = Annotated[

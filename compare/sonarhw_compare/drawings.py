@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable, Sequence
 from io import BytesIO
+from pathlib import Path
 from textwrap import fill
 from typing import Any
 
@@ -13,7 +14,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import QuadMesh
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Patch
+from matplotlib.patches import Circle, Ellipse, Patch
 from matplotlib.patheffects import withStroke
 from matplotlib.text import Annotation
 from matplotlib.ticker import MaxNLocator
@@ -32,6 +33,7 @@ from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_compare.locate import NEAR, Located, Pose
 from sonarhw_compare.map import Layer, RoomMap, reflections_of
 from sonarhw_compare.match import Comparison, Kind, compare_readings
+from sonarhw_compare.track import Track
 from sonarhw_compare.two_scans import ScanChange, ScanDifference
 
 # Texts at points of a picture: one for all names at a position, and none over another.
@@ -345,6 +347,53 @@ def draw_comparison(
     points, sounding = pictures.points_at(prediction.standpoints, prediction.headings, ranges), ~np.isnan(ranges)
     of_room, of_body = points[sounding & ~own], points[sounding & own]
     return _drawn_plan(prediction, of_room, "", comparison.origin, of_body, shading, changed)
+
+
+# Picture of the trajectory of a robot.
+
+
+_CERTAIN = 2.0  # standard deviations of the ellipses
+_MOST_ELLIPSES = 40
+_BEYOND_ROOM = 0.1  # margin, of the longer side
+
+
+@arguments.checked(track=arguments.instance(Track, "the result of `track`"))
+def draw_track(track: Track) -> Figure:
+    """Return a figure of a room with a trajectory, ellipses of two standard deviations, the odometry and the echoes."""
+    figure = new_figure(8, 7, 120)
+    axes = figure.add_subplot()
+    draw_room(axes, track.room)
+    located, poses = track.located, track.poses
+    echoes = []
+    for row in np.flatnonzero(located).tolist():
+        angles, ranges = track.readings[row]
+        headings = track.board.heading_at(angles, float(poses[row, 2]))
+        echoes.append(pictures.points_at(standpoints(track.board, poses[row : row + 1], headings), headings, ranges))
+    if echoes:
+        axes.plot(*np.vstack(echoes).T, ".", color=pictures.MEASURED, ms=2, alpha=0.5, label="echoes")
+    axes.plot(*track.odometry[:, :2].T, "--", color="#777777", lw=1.2, label="odometry alone")
+    for row in np.flatnonzero(located)[:: max(1, int(located.sum()) // _MOST_ELLIPSES)]:
+        (x, y), (width, height) = poses[row, :2].tolist(), (2 * _CERTAIN * track.deviations[row, :2]).tolist()
+        axes.add_patch(Ellipse((x, y), width, height, color=pictures.PREDICTED, alpha=0.2, lw=0))
+    axes.plot(*np.where(located[:, None], poses[:, :2], np.nan).T, "-", color=pictures.PREDICTED, lw=2, label="track")
+    if not located.all():
+        axes.plot(*poses[~located, :2].T, "x", color=pictures.EXTRA, ms=6, label="not located")
+    _limit_to_room(axes, track.room)
+    size = _ARROW * float(np.ptp(axes.get_xlim()))
+    x, y, heading = poses[-1].tolist()
+    draw_heading(axes, (x, y), heading, size, pictures.PREDICTED)
+    axes.set(xlabel="x (m)", ylabel="y (m)", title=pictures.picture_text(f"{track.room.name}, {Path(track.scan).name}"))
+    axes.set_aspect("equal")
+    axes.grid(alpha=0.25)
+    figure.legend(loc="outside right upper")
+    return laid_out(figure)
+
+
+def _limit_to_room(axes: Axes, room: Room) -> None:
+    corners = np.vstack((room.walls.reshape(-1, 2), room.posts[:, :2]))
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    beyond = _BEYOND_ROOM * float((high - low).max())
+    axes.set(xlim=(low[0] - beyond, high[0] + beyond), ylim=(low[1] - beyond, high[1] + beyond))
 
 
 # Picture of scans beside their predictions, before and after a calibration.

@@ -7,6 +7,7 @@ board are objects, names or files; by default those in the log. A result has its
 
 import math
 import numbers
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING, TypeAlias, cast
 
 import numpy as np
 from sonarhw_sim.air import DEFAULT_BOARD, ROOM_TOLERANCE, Air, Model, Receiver
-from sonarhw_sim.board.profile import Board, load_board, without_own_body
+from sonarhw_sim.board.profile import Board, load_board, parse_board, without_own_body
 from sonarhw_sim.room.room import Place, Room, place_at, typed_place, warn_of_place, warn_of_poses
 
 from sonarhw import arguments
@@ -23,7 +24,7 @@ from sonarhw.arguments import Warn, emit
 from sonarhw.errors import InputError, counted
 from sonarhw.files import atomic_file
 from sonarhw.host.scanner import Scanner
-from sonarhw.log import Log
+from sonarhw.log import Log, LogMetadata
 from sonarhw.readings import Reading, ScanAir, ScanOrder, sector
 from sonarhw.wire.messages import seconds_of
 from sonarhw_compare.scanner_url import check_turns, open_scanner
@@ -51,6 +52,7 @@ if TYPE_CHECKING:
     from sonarhw_compare.report import Report
     from sonarhw_compare.rooms.causes import FoundCauses
     from sonarhw_compare.rooms.outcome import MappedScans, RoomOfScans
+    from sonarhw_compare.track import Track
     from sonarhw_compare.two_scans import HeadingSeries, ScanDifference
 
 _APART = 0.02  # m, between places that count as one
@@ -423,6 +425,88 @@ def locate(
     for doubt in located.doubts:
         warn(doubt)
     return located
+
+
+@arguments.checked(
+    path=arguments.file_name, room=_ROOM, board=_BOARD, overwrite=arguments.flag, warn=arguments.function
+)
+def save_scan(
+    scan: ScanInput,
+    path: Path | str,
+    room: RoomInput | None = None,
+    place: PlaceInput | None = None,
+    board: BoardInput | None = None,
+    *,
+    overwrite: bool = False,
+    warn: Warn = emit,
+) -> None:
+    """Write a scan as a log, with its poses, for the commands and the window; their origin is `imported`.
+
+    Scan, room, place and board are given as in `compare`; what is not given is not in the log. Raises InputError if the
+    file exists already (unless `overwrite`), OutputError if it cannot be written.
+    """
+    from sonarhw.log.writer import write_scan
+
+    (given,) = _given_scans(scan, board, warn)
+    metadata = LogMetadata("import", time.time(), source="sonarhw.save_scan")
+    if room is not None:
+        stored = given.room(room)
+        here = given.pose if place is None else stored.place(place)
+        name = "" if here is None else here.name
+        metadata = replace(metadata, room_file=f"{stored.name}.toml", room_text=stored.text, place=name)
+    if board is not None:
+        profile = given.board(board)
+        if not profile.text or parse_board(profile.text, "board") != profile:
+            raise InputError("board: expected a profile as in its file, got a changed one; write it to a file")
+        metadata = replace(metadata, board=profile.name, board_text=profile.text)
+    path = Path(path)
+    if path.exists() and not overwrite:
+        raise InputError(f"{path}: exists already; choose another name, or pass overwrite=True")
+    write_scan(path, metadata, given.readings, overwrite=overwrite)
+
+
+@arguments.checked(
+    room=_ROOM,
+    board=_BOARD,
+    model=_MODEL,
+    seed=arguments.whole(0),
+    progress=arguments.function,
+    warn=arguments.function,
+)
+def track(
+    scan: ScanInput,
+    room: RoomInput | None = None,
+    board: BoardInput | None = None,
+    start: PlaceInput | None = None,
+    *,
+    model: Model = Model.RAY_FOLLOWING,
+    particles: int = 1000,
+    spread: tuple[float, float] = (0.05, math.radians(3)),
+    drift: tuple[float, float] = (0.05, math.radians(3)),
+    seed: int = 0,
+    progress: Tick = _silent,
+    warn: Warn = emit,
+) -> "Track":
+    """Return the trajectory of a robot in a room, from a scan with poses, by a particle filter on its sonar.
+
+    Scan, room and board are given as in `compare`. Of the poses, only the steps are used, as odometry. `start` is a
+    place of the room, x, y (m) and a heading (rad), or "everywhere"; by default that of the log, or else its first
+    pose. `model` is ray following, cone or nearest. `particles`, `spread` and `drift` are those of `Tracker`. The same
+    seed gives the same result. `progress` receives the completed share, 0..1. `warn` also receives the doubts about the
+    result. Raises InputError.
+    """
+    from sonarhw_compare.track import EVERYWHERE, track_scan
+
+    (given,) = _given_scans(scan, board, warn)
+    in_room = given.room(room)
+    begin = None if isinstance(start, str) and start == EVERYWHERE else given.place(in_room, start)
+    if begin is not None:
+        warn_of_place(in_room, begin, warn)
+    settings = {"model": model, "particles": particles, "spread": spread, "drift": drift}
+    tracked = track_scan(given, in_room, given.board(board), begin, seed=seed, progress=progress, **settings)
+    for doubt in tracked.doubts:
+        warn(doubt)
+    return tracked
 
 
 @arguments.checked(

@@ -1,9 +1,14 @@
-"""Where a robot is, from its odometry and its sonar: the log-likelihood of poses, and a particle filter on it."""
+"""Where a robot is, from its odometry and its sonar: the log-likelihood of poses, and a particle filter on it.
+
+`track_scan` follows a robot through a whole log.
+"""
 
 import math
 from collections import OrderedDict
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,13 +20,22 @@ from sonarhw_sim.rays.paths import RAYS
 from sonarhw_sim.room.room import Place, Room, load_room, place_at, warn_of_poses
 
 from sonarhw import arguments
-from sonarhw.errors import InputError
-from sonarhw.readings import FloatArray
+from sonarhw.errors import InputError, counted, counted_are
+from sonarhw.readings import (
+    BoolArray,
+    FloatArray,
+    Reading,
+    RobotPose,
+    heading_text,
+    in_degrees,
+    moved_by,
+    step_between,
+)
 from sonarhw_compare.fit.likelihood import ReadingNoise, ScanArrays
 from sonarhw_compare.fit.objective import Objective, Problem
 from sonarhw_compare.fit.parameters import free_parameters
 from sonarhw_compare.free_space import FreeSpace, find_free_space
-from sonarhw_compare.scans import echoes_of
+from sonarhw_compare.scans import GivenScan, echoes_of
 
 _NOISE = ReadingNoise(range=0.02, level=2.0, missed=0.1, lost=0.05, stray=0.05)
 _CELL = 0.1  # m, side of the cells that share a search of paths
@@ -192,7 +206,7 @@ class Tracker:
     _ALIKE = 2.0  # readings per independent one: neighbours share the errors of the model
     _LOST = -0.5  # mean log-likelihood per reading of the best particle; that of a fitting one is 1 to 2
     _FORGET = 0.3  # share of the newest update in the mean of fits
-    _RANDOM = 0.1  # share of particles drawn anywhere while the robot is lost
+    _SEARCHING = 10  # times as many particles are drawn anywhere, at a start anywhere and while the robot is lost
 
     def __init__(
         self,
@@ -217,7 +231,7 @@ class Tracker:
         self._board = _board(_BOARD("board", board))
         self._random = np.random.default_rng(arguments.whole(0)("seed", seed))
         self._drift = _pair("drift", drift)
-        count = arguments.whole(1, 1_000_000)("particles", particles)
+        self._count = arguments.whole(1, 1_000_000)("particles", particles)
         model, cell = arguments.choice(Model)("model", model), arguments.number(0.01, 1.0, "m")("cell", cell)
         self._likelihood: PoseLikelihood | NearestLikelihood
         if model in (Model.CONE, Model.NEAREST):
@@ -226,15 +240,15 @@ class Tracker:
             self._likelihood = PoseLikelihood(self._room, self._board, cell)
         self._free: FreeSpace = find_free_space(self._room)
         if start is None:
-            self._particles = self._anywhere(count)
+            self._particles = self._anywhere(self._SEARCHING * self._count)
         else:
             place = start if isinstance(start, Place) else place_at("start", start)
             deviations = np.array([spread_ := _pair("spread", spread)[0], spread_, _pair("spread", spread)[1]])
             pose = np.array([*place.position, place.heading])
             warn_of_poses("start", self._room, pose[None, :2])
             arguments.warn_of_degrees("start", pose[2:])
-            self._particles = pose + deviations * self._random.standard_normal((count, 3))
-        self._logs = np.zeros(count)
+            self._particles = pose + deviations * self._random.standard_normal((self._count, 3))
+        self._logs = np.zeros(len(self._particles))
         self._fit = 0.0  # mean log-likelihood per reading of the best particles
 
     @property
@@ -266,9 +280,16 @@ class Tracker:
             self._judge(logs, len(angles))
             self._logs = self._logs + logs / self._ALIKE
         tracked = self._tracked()
-        if tracked.effective < self._FEWER * len(self._logs):
-            self._draw_again(tracked.lost)
+        if tracked.lost and len(angles):
+            self._search(angles, echoes)
+        if tracked.effective < self._FEWER * len(self._logs) or len(self._logs) > self._count:
+            self._draw_again()
         return tracked
+
+    def _search(self, angles: FloatArray, echoes: FloatArray) -> None:
+        """Add particles anywhere, and weigh all by the newest readings alone."""
+        self._particles = np.vstack((self._particles, self._anywhere(self._SEARCHING * self._count)))
+        self._logs = self._likelihood(self._particles, angles, echoes) / self._ALIKE
 
     def _move(self, step: FloatArray) -> None:
         ahead, left, turn = step.tolist()
@@ -303,15 +324,11 @@ class Tracker:
         effective = 1 / float((weights**2).sum())
         return Tracked((float(x), float(y)), heading, deviations, effective, self._fit < self._LOST)
 
-    def _draw_again(self, lost: bool) -> None:
-        """Draw the particles by their weights, and some anywhere while the robot is lost."""
-        count = len(self._particles)
-        steps = (self._random.random() + np.arange(count)) / count
-        rows = np.minimum(np.searchsorted(np.cumsum(self.weights), steps), count - 1)
-        self._particles, self._logs = self._particles[rows], np.zeros(count)
-        if lost:
-            chosen = np.flatnonzero(self._random.random(count) < self._RANDOM)
-            self._particles[chosen] = self._anywhere(len(chosen))
+    def _draw_again(self) -> None:
+        """Draw the particles by their weights."""
+        steps = (self._random.random() + np.arange(self._count)) / self._count
+        rows = np.minimum(np.searchsorted(np.cumsum(self.weights), steps), len(self._particles) - 1)
+        self._particles, self._logs = self._particles[rows], np.zeros(self._count)
 
     def _anywhere(self, count: int) -> FloatArray:
         middles, size = self._free.middles, self._free.spacing
@@ -329,3 +346,181 @@ def _pair(name: str, values: object) -> tuple[float, float]:
     if read.shape != (2,) or not (read >= 0).all():
         raise InputError(f"{name}: expected two numbers, 0 or more, got {arguments.described(values)}")
     return float(read[0]), float(read[1])
+
+
+# The trajectory of a robot through a log: updates of a tracker, each with the readings of one place.
+
+
+EVERYWHERE = "everywhere"  # in place of a start
+_TOGETHER = 0.02  # m; readings from nearer poses are one update
+_KNOWN, _KNOWN_TURN = 0.25, math.radians(30)  # standard deviations below which a robot is located
+
+
+@dataclass(frozen=True)
+class Track:
+    """The trajectory of a robot in a room, one row for each of n updates."""
+
+    scan: str  # name
+    room: Room
+    board: Board
+    model: Model
+    seed: int
+    times: FloatArray  # (n,), s since the first reading
+    poses: FloatArray  # (n, 3): x and y, m, and heading, rad
+    deviations: FloatArray  # (n, 3): standard deviations, m, m and rad
+    lost: BoolArray  # (n,): whether the readings fit no pose near the one stated
+    odometry: FloatArray  # (n, 3): the poses of the odometry alone, from the first pose on
+    readings: tuple[tuple[FloatArray, FloatArray], ...]  # headings relative to the robot, rad, and ranges, m, NaN: none
+
+    def __repr__(self) -> str:
+        return f"Track({self.scan!r}, {counted(len(self.times), 'update')}, {self.travelled:.1f} m)"
+
+    @property
+    def located(self) -> BoolArray:
+        """At which updates the robot is not lost, and its pose certain within 0.25 m and 30°, (n,)."""
+        certain = (np.hypot(*self.deviations[:, :2].T) <= _KNOWN) & (self.deviations[:, 2] <= _KNOWN_TURN)
+        return np.asarray(~self.lost & certain)
+
+    @property
+    def travelled(self) -> float:
+        """The length of the way, by the odometry, m."""
+        return float(np.hypot(*np.diff(self.odometry[:, :2], axis=0).T).sum())
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """A warning if the robot is not located at the end."""
+        if self.located[-1]:
+            return ()
+        why = "its readings fit no pose" if self.lost[-1] else "several poses fit"
+        return (f"{self.scan}: the robot is not located at the end: {why}; check the room and the board",)
+
+    def lines(self) -> Iterator[str]:
+        """Yield the result as lines of text."""
+        readings = sum(len(headings) for headings, _ in self.readings)
+        yield (
+            f"{counted(len(self.times), 'update')} with {counted(readings, 'reading')}, {self.travelled:.2f} m in "
+            f"{self.times[-1]:.1f} s, model {self.model.value}"
+        )
+        yield from self._changes()
+        x, y, heading = self.poses[-1].tolist()
+        dx, dy, turn = self.deviations[-1].tolist()
+        yield (
+            f"at the end: x {x:z.3f} ± {dx:.3f} m, y {y:z.3f} ± {dy:.3f} m, heading {heading_text(heading)} ± "
+            f"{math.degrees(turn):.1f}°"
+        )
+        deviations = np.hypot(*self.deviations[self.located, :2].T)
+        if len(deviations):
+            yield f"standard deviation of the position: median {np.median(deviations) * 1000:.0f} mm"
+        if self.located[0] and self.located[-1]:
+            away = math.dist(self.poses[-1, :2], self.odometry[-1, :2])
+            yield f"the odometry alone ends {away:.2f} m away"
+
+    def _changes(self) -> Iterator[str]:
+        """Yield a line for each time that the robot is found or lost."""
+        way = np.cumsum(np.append(0.0, np.hypot(*np.diff(self.odometry[:, :2], axis=0).T)))
+        before = None
+        for located, time, metres in zip(self.located.tolist(), self.times.tolist(), way.tolist(), strict=True):
+            if located is not before and (before is not None or not located):
+                word = "located" if located else "lost" if before else "not located"
+                yield f"{word} at {time:.1f} s, after {metres:.2f} m"
+            before = located
+
+    def figures(self) -> dict[str, Any]:
+        """Return the result under the keys of `track --json`."""
+        return {
+            "scan": self.scan,
+            "model": self.model.value,
+            "seed": self.seed,
+            "travelled_m": round(self.travelled, 6),
+            "located": bool(self.located[-1]),
+            "trajectory": [dict(zip(_COLUMNS, row, strict=True)) for row in self.rows()],
+        }
+
+    def rows(self) -> Iterator[tuple[float | int, ...]]:
+        """Yield the rows of the trajectory: seconds, metres and degrees, and 1 where the robot is located."""
+        columns = self.times, self.poses, self.deviations, self.located
+        for time, (x, y, heading), (dx, dy, turn), located in zip(*(part.tolist() for part in columns), strict=True):
+            degrees = in_degrees(heading, 6), round(math.degrees(turn), 6)
+            lengths = (round(value, 6) for value in (x, y))
+            yield round(time, 6), *lengths, degrees[0], round(dx, 6), round(dy, 6), degrees[1], int(located)
+
+    def csv(self) -> str:
+        """Return the trajectory as CSV, with a header."""
+        lines = (",".join(f"{value:.9g}" for value in row) for row in self.rows())
+        return "\n".join((",".join(_COLUMNS), *lines)) + "\n"
+
+
+_COLUMNS = ("time_s", "x_m", "y_m", "yaw_deg", "x_sd_m", "y_sd_m", "yaw_sd_deg", "located")
+
+
+def track_scan(
+    scan: GivenScan,
+    room: Room,
+    board: Board,
+    start: Place | None,
+    *,
+    seed: int = 0,
+    progress: Callable[[float], None] = lambda _share: None,
+    **settings: Any,
+) -> Track:
+    """Return the trajectory of the robot that made a scan with poses; `settings` are those of `Tracker`.
+
+    Only the steps between the poses are used, as odometry. The robot begins at `start`, or anywhere if it is None.
+    Raises InputError if a reading has no pose.
+    """
+    readings = [reading for reading in scan.readings if reading.pose is not None]
+    if len(readings) < len(scan.readings):
+        raise InputError(
+            f"{scan.where}: {counted_are(len(scan.readings) - len(readings), 'reading')} without a pose; expected the "
+            "odometry of a robot; `sonarhw locate` finds the place of a scan"
+        )
+    tracker = Tracker(room, board, start, seed=seed, **settings)
+    updates, rows, parts = _updates(readings), [], []
+    before = updates[0][0]
+    for number, (pose, group) in enumerate(updates):
+        headings, ranges = _together(pose, group)
+        found = tracker.update(step_between(before, pose), headings, ranges)
+        rows.append((*found.position, found.heading, *found.deviations, found.lost))
+        parts.append((headings, ranges))
+        before = pose
+        progress((number + 1) / len(updates))
+    table = np.array(rows, dtype=np.float64)
+    began = readings[0].time
+    first: RobotPose = (table[0, 0], table[0, 1], table[0, 2])
+    alone = [moved_by(first, step_between(updates[0][0], pose)) for pose, _ in updates]
+    return Track(
+        scan.where,
+        room,
+        board,
+        settings.get("model", Model.RAY_FOLLOWING),
+        seed,
+        np.array([group[0].time - began for _, group in updates]),
+        table[:, :3],
+        table[:, 3:6],
+        table[:, 6] > 0,
+        np.array(alone),
+        tuple(parts),
+    )
+
+
+def _updates(readings: Sequence[Reading]) -> list[tuple[RobotPose, list[Reading]]]:
+    """Return groups of successive readings from nearly the same position, each heading once, with the first pose."""
+    groups: list[tuple[RobotPose, list[Reading]]] = []
+    angles: set[float] = set()
+    for reading in readings:
+        assert reading.pose is not None, "checked by the caller"
+        near = bool(groups) and math.dist(groups[-1][0][:2], reading.pose[:2]) <= _TOGETHER
+        again = reading.angle in angles and reading.ping == 0
+        if not near or again:
+            groups.append((reading.pose, []))
+            angles = set()
+        groups[-1][1].append(reading)
+        angles.add(reading.angle)
+    return groups
+
+
+def _together(pose: RobotPose, readings: Sequence[Reading]) -> tuple[FloatArray, FloatArray]:
+    """Return headings relative to a pose, rad, and ranges, m, of readings that were made on a way of a few cm."""
+    turned = [reading.pose[2] - pose[2] for reading in readings if reading.pose is not None]
+    headings = np.array([reading.angle + turn for reading, turn in zip(readings, turned, strict=True)])
+    return headings, np.array([reading.range for reading in readings], dtype=np.float64)  # None is NaN

@@ -17,7 +17,7 @@ from tests.soak.fuzz.damage import damaged_csv, damaged_toml
 from tests.soak.fuzz.damaged_logs import damaged_log, log_bytes
 
 ENDLESS = ("fake", "replay", "serve", "monitor", "ping", "board", "info --watch")  # until they are stopped
-SLOW = ("locate", "fit", "map", "study")
+SLOW = ("locate", "fit", "map", "study", "track")
 ROOM = """name = "Room"
 [materials.m]
 reflectance = 0.9

@@ -29,7 +29,7 @@ PAGES = [
     for page in [CHECKOUT / "README.md", *sorted((CHECKOUT / "docs").rglob("*.md"))]
     if page.name not in ELSEWHERE and blocks_of(page)
 ]
-LONG = {"fit.md", "locate.md", "map.md", "python.md", "study.md"}  # minutes; complete with --soak
+LONG = {"fit.md", "locate.md", "map.md", "python.md", "study.md", "track.md"}  # minutes; complete with --soak
 NOT_CODE = ("text", "toml", "c")
 # Units by which the last digit of a maximum differs between processors. The likelihood of a pose is rough: on another
 # processor, the search ends at another step of it, up to 0.3 of the stated standard deviation away.

@@ -17,6 +17,7 @@ ROOM = sonarhw.room_from_arrays([[0, 0], [3, 0], [3, 2], [0, 2]], places={"middl
 BOARD = sonarhw.load_board("hc-sr04")
 SCAN = sonarhw.predict(ROOM, "middle", BOARD, HEADINGS)
 PAIR = HEADINGS, SCAN.ranges
+DRIVE = sonarhw.scan_from_arrays(*PAIR, pose=np.ones((8, 3)))
 
 # values of no argument
 NONSENSE = [object(), b"bytes", 1j, {1: 2}, len]
@@ -97,6 +98,17 @@ CALLS: list[tuple[Callable[..., Any], dict[str, Any], dict[str, str]]] = [
         | {"heading_deviation": "share", "receiver": "choice"},
     ),
     (
+        sonarhw.track,
+        {"scan": DRIVE, "room": ROOM, "board": BOARD, "start": (1, 1), "particles": 10},
+        {"scan": "scan", "room": "room", "board": "board", "start": "place", "particles": "whole", "spread": "pair"}
+        | {"drift": "pair", "model": "choice", "seed": "whole"},
+    ),
+    (
+        sonarhw.save_scan,
+        {"scan": PAIR, "path": "scan.mcap", "room": ROOM, "place": "middle", "board": BOARD},
+        {"scan": "scan", "path": "file", "room": "room", "place": "place", "board": "board", "overwrite": "flag"},
+    ),
+    (
         sonarhw.map_room,
         {"scans": PAIR, "places": (1, 1), "room": ROOM, "board": BOARD},
         {"scans": "scan", "places": "places", "room": "room", "board": "board", "offset": "number", "find": "flag"},
@@ -143,6 +155,7 @@ CALLS: list[tuple[Callable[..., Any], dict[str, Any], dict[str, str]]] = [
     (sonarhw.draw_plan, {}, {"scan": "result"}),
     (sonarhw.draw_comparison, {}, {"comparison": "result"}),
     (sonarhw.draw_located, {}, {"located": "result"}),
+    (sonarhw.draw_track, {}, {"track": "result"}),
     (sonarhw.draw_map, {}, {"found": "result"}),
     (sonarhw.map_scans, {"scans": [], "board": BOARD}, {"scans": "result", "board": "board"}),
     (sonarhw.sector, {}, {"start_deg": "number", "step_deg": "number", "pings": "whole"}),

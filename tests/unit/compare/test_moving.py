@@ -3,6 +3,8 @@
 import json
 import math
 import re
+from io import StringIO
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -112,3 +114,85 @@ def test_poses_must_be_as_many_as_headings() -> None:
 def test_poses_may_have_degrees() -> None:
     scan = sonarhw.scan_from_arrays([0, 90], [1, 1], pose=[[0, 0, 90], [0, 0, 180]], degrees=True)
     assert [reading.pose for reading in scan.readings] == [(0, 0, pytest.approx(math.pi / 2)), (0, 0, math.pi)]
+
+
+# turns by at most 6°: the nearest point of each wall, where a mirror reflects the sound back, stays within the beam
+ROUND = np.array([[0.8 + 0.06 * k, 0.9 + 0.15 * math.sin(0.3 * k), 0.1 * math.sin(0.2 * k)] for k in range(14)])
+
+
+def odometry(poses: FloatArray, scale: float = 1.05, drift: float = math.radians(3)) -> FloatArray:
+    """Return the poses that odometry states, which begins anywhere and is wrong by a scale and a turn per metre."""
+    stated = [(4.0, -7.0, 1.0)]
+    for before, after in pairwise(map(tuple, poses.tolist())):
+        ahead, left, turn = step_between(before, after)
+        stated.append(moved_by(stated[-1], (scale * ahead, scale * left, turn + drift * math.hypot(ahead, left))))
+    return np.array(stated)
+
+
+def recorded(poses: FloatArray, stated: FloatArray) -> sonarhw.GivenScan:
+    """Return what a robot with four sensors measures at poses, and what its odometry states."""
+    noise = 0.003 * np.random.default_rng(3).standard_normal((len(poses), 4))
+    return driven(stated, distances(poses) + noise)
+
+
+@pytest.mark.parametrize("model", [Model.RAY_FOLLOWING, Model.CONE])
+def test_a_robot_is_tracked_where_its_odometry_drifts(room: Room, model: Model) -> None:
+    scan = recorded(ROUND, odometry(ROUND))
+    start = tuple(ROUND[0])
+    tracked = sonarhw.track(scan, room, "paper", start, model=model, particles=300, seed=2)
+    errors = np.hypot(*(tracked.poses - ROUND)[:, :2].T)
+    alone = np.hypot(*(tracked.odometry - ROUND)[:, :2].T)
+    assert np.median(errors[3:]) < 0.015
+    assert errors[-1] < alone[-1] / 3
+    assert tracked.located.all()
+    assert (np.abs(tracked.poses - ROUND) <= 3 * tracked.deviations)[3:, :2].mean() > 0.9
+    again = sonarhw.track(scan, room, "paper", start, model=model, particles=300, seed=2)
+    assert np.array_equal(tracked.poses, again.poses)
+    table = np.genfromtxt(StringIO(tracked.csv()), delimiter=",", names=True)
+    np.testing.assert_allclose(np.column_stack((table["x_m"], table["y_m"])), tracked.poses[:, :2], atol=1e-6)
+    assert [row["located"] for row in json.loads(json.dumps(tracked.figures()))["trajectory"]] == [1] * 14
+
+
+def test_readings_on_the_way_are_one_update_for_each_2_cm_and_each_round(room: Room) -> None:
+    """Eight sensors fire one after another while the robot moves by 5 mm from one to the next and turns by 1°."""
+    count = 16
+    poses = np.column_stack((1 + 0.0049 * np.arange(count), np.ones(count), np.radians(np.arange(count))))
+    headings = np.tile(np.arange(8) * math.pi / 4, 2)
+    scan = sonarhw.scan_from_arrays(headings, np.linspace(0.9, 1.4, count), pose=poses)
+    tracked = sonarhw.track(scan, room, "paper", particles=10, warn=lambda _doubt: None)
+    assert [len(angles) for angles, _ in tracked.readings] == [5, 5, 5, 1]
+    assert tracked.readings[1][0] == pytest.approx(headings[5:10] + np.radians(np.arange(5)))
+    still = sonarhw.scan_from_arrays(headings, np.linspace(0.9, 1.4, count), pose=np.ones((count, 3)))
+    tracked = sonarhw.track(still, room, "paper", particles=10, warn=lambda _doubt: None)
+    assert [len(angles) for angles, _ in tracked.readings] == [8, 8]
+
+
+def test_a_robot_that_was_carried_away_is_lost_and_found_again() -> None:
+    """The corner is cut, so that no two places are alike. The robot is carried by 0.9 m without its odometry."""
+    outline = [[0, 0], [2.2, 0], [2.2, 0.9], [1.2, 0.9], [1.2, 1.7], [0, 1.7]]
+    cut = sonarhw.room_from_arrays(outline, places={"start": (0.5, 0.4)})
+    way = np.column_stack((np.linspace(0.35, 0.55, 6), np.full(6, 0.4), np.zeros(6)))
+    poses = np.vstack(
+        (way, way + np.array([1.1, 0.0, 0.0]), way[::-1] + np.array([1.1, 0.05, 0.0]), way + np.array([1.1, 0.05, 0.0]))
+    )
+    steps = [step_between(a, b) for a, b in pairwise(map(tuple, poses.tolist()))]
+    steps[5] = (0.0, 0.0, 0.0)
+    stated = [(0.0, 0.0, 0.0)]
+    for step in steps:
+        stated.append(moved_by(stated[-1], step))
+    headings = np.arange(8) * math.pi / 4
+    ranges = np.asarray(sonarhw.predict_ranges(cut, poses, headings, "lego-nxt"))
+    scan = sonarhw.scan_from_arrays(np.tile(headings, 24), ranges.ravel(), pose=np.repeat(np.array(stated), 8, axis=0))
+    tracked = sonarhw.track(scan, cut, "lego-nxt", (0.35, 0.4, 0.0), particles=800, seed=1)
+    errors = np.hypot(*(tracked.poses - poses)[:, :2].T)
+    assert tracked.located[:6].all()
+    assert not tracked.located[10:12].any()
+    assert tracked.located[-1]
+    assert errors[-1] < 0.05
+    text = "\n".join(tracked.lines())
+    assert re.search(r"lost at .*\nlocated at ", text)
+
+
+def test_a_scan_without_poses_is_not_tracked(room: Room) -> None:
+    with pytest.raises(InputError, match=r"4 readings are without a pose; expected the odometry of a robot"):
+        sonarhw.track(sonarhw.scan_from_arrays(HEADINGS, np.ones(4)), room, "paper", (1, 1))
