@@ -1,4 +1,4 @@
-"""Scans in logs of other programs: CARMEN, Player, Ping Viewer; and logs of this project, to correct them."""
+"""Scans in logs of other programs: CARMEN, Player, BeeSoft, ARIA, Ping Viewer; and logs of this project."""
 
 import math
 import re
@@ -14,7 +14,7 @@ import numpy as np
 from sonarhw.errors import InputError, counted
 from sonarhw.files import open_input
 from sonarhw.log import Log, read_log
-from sonarhw.readings import Reading, RobotPose, Trace, speed_of_sound
+from sonarhw.readings import Reading, RobotPose, Trace, moved_by, speed_of_sound
 from sonarhw_compare.foreign_rows import (
     MOST_READINGS,
     ForeignRow,
@@ -153,6 +153,135 @@ def _count(file: Path, where: str, word: str) -> int:
     return int(word)
 
 
+# Sonar of the logs of BeeSoft, as its `sonarClient` writes them: centimetres, without the directions of the sensors.
+#
+#     @SENS dd-mm-yy hh:mm:ss.microseconds
+#     #SONAR count: range...
+#     #ROBOT x y heading
+
+
+_SENS = re.compile(r"@SENS +\d+-\d+-\d+ +(\d+):(\d+):(\d+)\.(\d{1,6})", re.ASCII)
+_BEESOFT_SONAR = re.compile(r"#SONAR +(\d{1,4}):(.*)", re.ASCII)
+_MOVED = 0.05  # m; the ranges of a robot that moved farther do not belong to one place
+
+
+def read_beesoft_log(file: Path, meaning: Meaning) -> list[Reading]:
+    """Return the sonar readings of a log of BeeSoft, at least one. Raises InputError with the line.
+
+    Warns if the robot moves between them: the log does not state how its headings are counted.
+    """
+    path: list[tuple[float, float]] = []
+    readings = readings_of(str(file), _beesoft_rows(file, meaning, path), meaning)
+    if not readings:
+        raise InputError(f"{file}: has no line #SONAR; expected a log of BeeSoft with sonar readings")
+    moved = max((math.dist(position, path[0]) for position in path), default=0.0)
+    if moved > _MOVED:
+        warnings.warn(
+            f"{file}: the robot moves by {moved:.2f} m between the readings, which have no common place; split the log",
+            stacklevel=2,
+        )
+    return readings
+
+
+def _beesoft_rows(file: Path, meaning: Meaning, path: list[tuple[float, float]]) -> Iterator[ForeignRow]:
+    """Yield the readings; positions of the robot (m) are appended to `path`."""
+    clock, began, now, sweep = _Clock(), None, 0.0, 0
+    with opened(file, "a log of BeeSoft") as text:
+        for number, line in enumerate(short_lines(file, text, "a log of BeeSoft"), 1):
+            where = f"line {number}"
+            if stamp := _SENS.match(line):
+                hours, minutes, seconds = (int(part) for part in stamp.groups()[:3])
+                now = clock.after(3600.0 * hours + 60.0 * minutes + seconds + int(stamp[4]) * 1e-6)
+                began = now if began is None else began
+            elif line.startswith("#ROBOT"):
+                x, y = _numbers(file, where, line.split()[1:3], 2)
+                path.append((x * _CENTIMETRE, y * _CENTIMETRE))
+            elif sonar := _BEESOFT_SONAR.match(line):
+                count = int(sonar[1])
+                ranges = _numbers(file, where, sonar[2].split(), count)
+                if not meaning.step:
+                    even = f"; {360 / count:g} or -{360 / count:g} if they are evenly spaced" if count else ""
+                    raise InputError(
+                        f"{file}, {where}: {count} ranges without the directions of the sensors; add step=DEGREES from "
+                        f"one sensor to the next, negative if clockwise{even}"
+                    )
+                for k, distance in enumerate(ranges):
+                    silent = distance <= 0 or distance == meaning.no_echo
+                    metres = None if silent else distance * _CENTIMETRE
+                    yield ForeignRow(where, k * meaning.step, metres, now - (began or 0.0), sweep)
+                sweep += 1
+
+
+_CENTIMETRE, _MILLIMETRE = 0.01, 0.001  # m
+
+
+# Range scans in the logs `.2d` of ARIA and MobileSim, as described in its `ArLaserLogger.cpp`: millimetres and degrees.
+#
+#     LaserOdometryLog
+#     sick1pose: x y theta          of the sensor on the robot
+#     sick1conf: first last count   degrees
+#     time: seconds
+#     robot: x y theta
+#     scan1: x y ...                points in the frame of the robot; `sick1:` before version 3 has ranges
+
+
+def read_aria_log(file: Path, meaning: Meaning) -> list[Reading]:
+    """Return the scans of a log of ARIA with the poses of its sensor, at least one. Raises InputError with the line."""
+    readings = readings_of(str(file), _aria_rows(file, meaning.no_echo), meaning)
+    if not readings:
+        raise InputError(f"{file}: has no line scan1 or sick1 with readings; expected a log of ARIA (.2d)")
+    return readings
+
+
+def _aria_rows(file: Path, no_echo: float | None) -> Iterator[ForeignRow]:
+    sensor, first, last = (0.0, 0.0, 0.0), -90.0, 90.0
+    pose: RobotPose | None = None
+    time: float | None = None
+    sweep = 0
+    with opened(file, "a log of ARIA") as text:
+        for number, line in enumerate(short_lines(file, text, "a log of ARIA", _MOST_OF_SCAN), 1):
+            tag, _, rest = line.partition(":")
+            words, where = rest.split(), f"line {number}"
+            if tag == "sick1pose":
+                sensor = _aria_pose(file, where, words)
+            elif tag == "sick1conf":
+                first, last = _numbers(file, where, words[:2], 2)
+            elif tag == "time" and len(words) == 1 and ":" not in words[0]:
+                (time,) = _numbers(file, where, words, 1)
+            elif tag == "robot":
+                pose = moved_by(_aria_pose(file, where, words), sensor)
+            elif tag in ("scan1", "sick1"):
+                values = _numbers(file, where, words, len(words))
+                pairs = _of_points(values, sensor) if tag == "scan1" else _of_ranges(values, first, last)
+                for degrees, distance in pairs:
+                    silent = distance <= 0 or distance == no_echo
+                    yield ForeignRow(where, degrees, None if silent else distance, time, sweep, pose=pose)
+                sweep += 1
+
+
+_MOST_OF_SCAN = 1_000_000  # characters
+
+
+def _aria_pose(file: Path, where: str, words: list[str]) -> RobotPose:
+    x, y, degrees = _numbers(file, where, words[:3], 3)
+    return x * _MILLIMETRE, y * _MILLIMETRE, math.radians(degrees)
+
+
+def _of_points(values: list[float], sensor: RobotPose) -> Iterator[tuple[float, float]]:
+    """Yield angles (degrees) and ranges (m) of points from the sensor; 0, 0 in place of a point is no echo."""
+    for x, y in zip(values[::2], values[1::2], strict=False):
+        right, up = x * _MILLIMETRE - sensor[0], y * _MILLIMETRE - sensor[1]
+        silent = x == 0 and y == 0
+        turned = math.remainder(math.atan2(up, right) - sensor[2], math.tau)
+        yield math.degrees(turned), 0.0 if silent else math.hypot(right, up)
+
+
+def _of_ranges(values: list[float], first: float, last: float) -> Iterator[tuple[float, float]]:
+    step = (last - first) / (len(values) - 1) if len(values) > 1 else 0.0
+    for k, value in enumerate(values):
+        yield first + k * step, value * _MILLIMETRE
+
+
 # Profiles of a Ping360 or a Ping1D in the sensor logs (`.bin`) of Ping Viewer.
 #
 # Ping Viewer writes big-endian: a header (its `src/link/logsensorstruct.cpp`), then pairs of texts and arrays, each
@@ -275,7 +404,10 @@ class _Clock:
         if clock is None:
             return None
         hours, minutes, seconds, milliseconds = (int(digits) for digits in clock.groups())
-        now = 3600.0 * hours + 60.0 * minutes + seconds + milliseconds / 1000
+        return self.after(3600.0 * hours + 60.0 * minutes + seconds + milliseconds / 1000)
+
+    def after(self, now: float) -> float:
+        """Return a time of day, s, counted on after midnight; never before the time returned last."""
         self._days += _DAY if now + self._days < self._before - _DAY / 2 else 0.0
         self._before = max(self._before, now + self._days)  # the clock may be set back a little
         return self._before

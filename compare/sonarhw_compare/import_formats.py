@@ -40,6 +40,8 @@ class ImportFormat:
 TEXT = ImportFormat("text", (), "text of a device: lines, CSV, JSON, captures of a terminal", False, True)
 CARMEN = ImportFormat("carmen", (".clf",), "CARMEN logs with SONAR lines", False, False, "foreign_logs:read_carmen_log")
 PLAYER = ImportFormat("player", (), "logs of Player with sonar", False, True, "foreign_logs:read_player_log")
+BEESOFT = ImportFormat("beesoft", (), "logs of BeeSoft with sonar", False, True, "foreign_logs:read_beesoft_log")
+ARIA = ImportFormat("aria", (".2d",), "logs of ARIA with range scans", False, False, "foreign_logs:read_aria_log")
 PING360 = ImportFormat(
     "ping360", (".bin",), "Ping Viewer logs of a Ping360 or Ping1D", True, False, "foreign_logs:read_ping360_log"
 )
@@ -61,7 +63,7 @@ RAW = ImportFormat(
     "foreign_traces:read_raw_traces",
 )
 LOG = ImportFormat("log", (), "logs (.mcap), to correct them", False, False, "foreign_logs:read_own_log")
-FORMATS = (TEXT, CARMEN, PLAYER, PING360, ROS, JSON_MCAP, RAW, LOG)
+FORMATS = (TEXT, CARMEN, PLAYER, BEESOFT, ARIA, PING360, ROS, JSON_MCAP, RAW, LOG)
 _MAGIC = (
     (b"#ROSBAG", ROS),
     (b"SQLite format 3\0", ROS),
@@ -76,6 +78,7 @@ OSCILLOSCOPE = re.compile(  # what the CSV of Tektronix, Siglent, Rigol and Pico
     r"^\W*(record length\W|sample interval\W|x,ch\d|time(\(s\))?,\s*ch(\d|annel [a-h])|second,val)|\btinc\s*=",
     re.IGNORECASE | re.MULTILINE,
 )
+_BEESOFT = re.compile(r"@SENS +\d+-\d+-\d+ |#SONAR +\d+:")
 _MCAP = b"\x89MCAP0\r\n"
 
 
@@ -134,6 +137,10 @@ def _of_text(start: bytes) -> ImportFormat | None:
     if OSCILLOSCOPE.search(text[:_HEAD]):
         return RAW
     lines = text.splitlines()
+    if lines[:1] == ["LaserOdometryLog"]:
+        return ARIA
+    if any(_BEESOFT.match(line) for line in lines):
+        return BEESOFT
     if any(line.split()[:1] == ["SONAR"] for line in lines):
         return CARMEN
     return PLAYER if any(map(_is_player_line, lines)) else None
@@ -171,7 +178,7 @@ _FACTS = {
     "traces": "formats with traces",
     "ranges": "formats with ranges",
     "raw": "raw traces",
-    "steps": "text, raw traces, Player and ROS",
+    "steps": "text, raw traces, Player, BeeSoft and ROS",
     "bag": "ROS bags",
 }
 

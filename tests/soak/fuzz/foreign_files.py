@@ -41,6 +41,11 @@ def scans() -> dict[str, bytes]:
         "carmen.log": b"SONAR 0.2 2 1.0 2.0 0 0 0 0 0 1.57 10.0 host 10.0\n" * 5,
         "player.log": b"10.0 16777343 6665 sonar 00 002 004 02 0 0 0 0 0 0 0 0 0 0 0 1.5\n"
         b"10.1 16777343 6665 sonar 00 002 001 02 1.0 2.0\n" * 3,
+        "beesoft.log": b"@SENS 24-11-95 15:02:07.123456\n#SONAR 4: 100.0 120.5 90.0 300.0\n\n#ROBOT 1.0 2.0 90.0\n" * 3,
+        "aria.2d": b"LaserOdometryLog\nsick1pose: 10 0 0\nsick1conf: -90 90 3\n"
+        + b"time: 1.0\nrobot: 0 0 45\nscan1: 1000 0 0 1500 -900 10\nsick1: 900 800 700\n" * 3,
+        "table.csv": b"A title\n\nWinkel;Abstand (cm);t_ms\n" + b"0;50,5;1\n5;;2\n10;-;3\n" * 5,
+        "quoted.csv": b'"angle","range, cm"\n' + b'"0","52,5"\n"5",""\n' * 6,
         "scope.csv": "\n".join(
             ["Record Length,Analog:300", "Sample Interval,0.00001", "Second,Value", *trace]
         ).encode(),
