@@ -510,6 +510,7 @@ def serve(
     predicted ranges beside each /scan.
     """
     from sonarhw.foxglove import FoxgloveServer
+    from sonarhw.host.scanner import until_stopped
     from sonarhw.plugins.device_plugin import takes_orders
 
     if out is not None:
@@ -517,7 +518,8 @@ def serve(
     by_itself = not takes_orders(url)
     if by_itself:
         refuse_orders(context)
-    order = options.order_in_degrees(start, stop, step, sweeps or _sweeps(start, stop, step, pings), pings)
+    order = options.order_in_degrees(start, stop, step, sweeps or 1, pings)
+    order = order if sweeps else until_stopped(order)
     options.warn_of_radians(start, stop)
     request = ScanRequest(order, board, max_range, temperature, traces, False, zero_here, by_itself)
     check_request(request)
@@ -538,13 +540,6 @@ def serve(
                 publisher.end()
                 kept = f", in {publisher.log.path}" if publisher.log and publisher.count else ""
                 options.print_note(f"{counted(publisher.count, 'reading')} published{kept}")
-
-
-def _sweeps(start: float, stop: float, step: float, pings: int) -> int:
-    """Return the largest number of sweeps."""
-    from sonarhw.wire.limits import MOST_READINGS
-
-    return max(1, min(_MOST_SWEEPS, MOST_READINGS // options.order_in_degrees(start, stop, step, 1, pings).readings))
 
 
 def _scan(

@@ -31,7 +31,7 @@ from sonarhw.plugins.plugin_device import PluginLink
 from sonarhw.readings import Reading, ScanAir, ScanOrder, sector
 from sonarhw.scan_check import Reach, check_scan
 from sonarhw.wire import messages
-from sonarhw.wire.limits import MAX_ECHOES
+from sonarhw.wire.limits import MAX_ECHOES, MOST_READINGS
 from sonarhw.wire.readings_of_frames import start_scan
 
 # identity, capabilities and settings of a device, in SI units
@@ -819,6 +819,15 @@ class ScanPlan:
     zero_here: bool = False  # zero is where the turntable is now; it is not homed
 
 
+_MOST_SWEEPS = 0xFFFF  # of the command that begins a scan
+
+
+def until_stopped(order: ScanOrder) -> ScanOrder:
+    """Return the order with as many sweeps as a scan can have: it ends when it is stopped."""
+    of_sweep = order.headings * order.pings
+    return replace(order, sweeps=max(1, min(_MOST_SWEEPS, MOST_READINGS // of_sweep)))
+
+
 class ScanWatcher(Protocol):
     """Receives the progress of a scan, in the thread that called `record_scan`."""
 
@@ -914,6 +923,8 @@ def _check_readings(
 
 
 def _warn_if_disk_is_too_small(scanner: Scanner, plan: ScanPlan, path: Path, watcher: ScanWatcher) -> None:
+    if plan.order == until_stopped(plan.order):  # its length is not known
+        return
     settings = scanner.settings
     samples = settings.listen * scanner.info.trace_rate if settings and settings.trace else 0.0
     need, free = files.log_size(plan.order.readings, samples), files.free_bytes(path)

@@ -19,7 +19,7 @@ from sonarhw_compare.picture_file import write_film
 from sonarhw_compare.room_import.imported import import_room
 from sonarhw_compare.scans import ReadingNote, placed_notes
 from sonarhw_compare.sound import PlayedPing
-from sonarhw_sim.board.profile import Board
+from sonarhw_sim.board.profile import Board, without_own_body
 from sonarhw_sim.files import file_name, quoted, read_text
 from sonarhw_sim.room.room import Place, Room, load_room, parse_room
 from sonarhw_sim.room.room_writing import with_place
@@ -30,6 +30,7 @@ from sonarhw.files import atomic_file
 from sonarhw.log import Log, LogMetadata, read_log
 from sonarhw.log.writer import write_scan
 from sonarhw.readings import Reading
+from sonarhw.scan_check import ANY_BOARD, check_scan
 from sonarhw_gui.model.edits import room_and_place
 from sonarhw_gui.model.scene import Scene, first_place, scene_of_log, scene_with
 
@@ -111,6 +112,17 @@ def open_log(path: Path, last_scene: Scene | None = None) -> Opened:
     """Read a log; `last_scene`: the scene of the last session instead of that in the log. Raises InputError."""
     log = read_log(path)
     return Opened(path, last_scene or scene_of_log(log.metadata, log.readings), log)
+
+
+def check_readings(log: Log) -> tuple[str, ...]:
+    """Return what is probably wrong in the readings of a log, if its board made them; without a board, any board."""
+    from sonarhw_compare.scans import board_of_log, reach_of
+
+    metadata = log.metadata
+    known = metadata.board or metadata.board_text
+    board = board_of_log(metadata) if known else None
+    readings = log.readings if board is None else without_own_body(board.own_body, log.readings)
+    return tuple(map(str, check_scan(readings, ANY_BOARD if board is None else reach_of(board))))
 
 
 def read_grown_log(path: Path) -> tuple[Path, Log, float]:

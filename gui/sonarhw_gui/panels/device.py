@@ -55,6 +55,8 @@ class DevicePanel(QtWidgets.QWidget):
         self.max_range.setSpecialValueText("maximum")
         self.traces = QtWidgets.QCheckBox("Record traces")
         self.traces.setToolTip("Record the received signal of each ping, about 3 kB per reading")
+        self.endless = QtWidgets.QCheckBox("Sweep until Stop")
+        self.endless.setToolTip("Sweep after sweep, in alternate directions, as a radar does")
         self.figures = [PlainLabel() for _ in link_figures(None)]
         self._fields = self.start, self.end, self.step, self.sweeps, self.pings, self.max_range
         self._turntable = self._made_turntable(commands)
@@ -117,7 +119,8 @@ class DevicePanel(QtWidgets.QWidget):
             grid.addWidget(field, row, 2 * column + 1)
         for column in (1, 3):
             grid.setColumnStretch(column, 1)
-        grid.addWidget(self.traces, 3, 0, 1, 4)
+        grid.addWidget(self.traces, 3, 0, 1, 2)
+        grid.addWidget(self.endless, 3, 2, 1, 2)
         grid.addWidget(self.summary, 4, 0, 1, 4)
         grid.addWidget(_button(commands.scan), 5, 0, 1, 4)
         return group
@@ -143,6 +146,7 @@ class DevicePanel(QtWidgets.QWidget):
         for field in self._fields:
             field.valueChanged.connect(self._send_settings)
         self.traces.toggled.connect(self._send_settings)
+        self.endless.toggled.connect(self._send_settings)
 
     # input
 
@@ -156,15 +160,15 @@ class DevicePanel(QtWidgets.QWidget):
         if scan_settings is not None and order is not None:
             limit = self.max_range.value()
             max_range = None if limit == self.max_range.minimum() else self._look.unit.metres(limit)
-            traces = self.traces.isChecked()
-            self._live.settings = replace(scan_settings, order=order, traces=traces, max_range=max_range)
+            chosen = replace(scan_settings, order=order, traces=self.traces.isChecked(), max_range=max_range)
+            self._live.settings = replace(chosen, until_stopped=self.endless.isChecked())
 
     # display
 
     def _show_settings(self) -> None:
         """Fill the fields from the scan settings. Fields that describe this scan already keep the typed text."""
         unit = self._look.unit
-        blocked = [QSignalBlocker(field) for field in (*self._fields, self.traces)]
+        blocked = [QSignalBlocker(field) for field in (*self._fields, self.traces, self.endless)]
         self.max_range.setRange(0.0, unit.of(_LONGEST))
         self.max_range.setSuffix(f" {unit.label}")
         self.max_range.setSingleStep(unit.of(0.5))
@@ -172,6 +176,7 @@ class DevicePanel(QtWidgets.QWidget):
         if scan_settings is not None:
             self.max_range.setValue(0.0 if scan_settings.max_range is None else unit.of(scan_settings.max_range))
             self.traces.setChecked(scan_settings.traces)
+            self.endless.setChecked(scan_settings.until_stopped)
             if not self._has_order(scan_settings.order):
                 self._fill(scan_settings.order)
         for block in blocked:
@@ -203,7 +208,9 @@ class DevicePanel(QtWidgets.QWidget):
         except ValueError as error:
             self.summary.setText(f"⚠ {error}")
             return None
-        self.summary.setText(scan_summary(order, self._status.link))
+        endless = self.endless.isChecked()
+        self.sweeps.setEnabled(not endless)
+        self.summary.setText(scan_summary(order, self._status.link, endless))
         return order
 
 

@@ -23,7 +23,7 @@ from sonarhw_sim.room.room import Place
 
 from sonarhw.errors import Incompatible, LinkError, LogError, NoAnswer, SonarError, WrongDevice
 from sonarhw.files import recordings_folder
-from sonarhw.host.scanner import DeviceInfo, Scanner, ScanPlan, probe_port, record_scan
+from sonarhw.host.scanner import DeviceInfo, Scanner, ScanPlan, probe_port, record_scan, until_stopped
 from sonarhw.host.session import Connection
 from sonarhw.link import LinkStatistics, Port, serial_ports
 from sonarhw.log import LogMetadata, LogWriter
@@ -139,9 +139,11 @@ def packed(trace: Trace) -> Trace:
 # Creates the log of a live scan, in the user's folder of recordings, named by date and room.
 
 
-def start_recording(folder: Path, scene: Scene, warn: Callable[[str], None]) -> tuple[LogWriter, Path]:
+def start_recording(
+    folder: Path, scene: Scene, warn: Callable[[str], None], source: str = "", read_as: str = ""
+) -> tuple[LogWriter, Path]:
     """Create a log in `folder`, named by time and room; `warn` is called when the disk is nearly full, and if
-    the log is continued elsewhere.
+    the log is continued elsewhere. `source` is the URL of the scanner, `read_as` how its text is read.
 
     Raises LogError if the log cannot be created.
     """
@@ -160,6 +162,8 @@ def start_recording(folder: Path, scene: Scene, warn: Callable[[str], None]) -> 
         place=scene.pose.name,
         board=scene.board.name,
         board_text=scene.board.text,
+        source=source,
+        read_as=read_as,
     )
     return LogWriter(path, metadata, warn=warn, fallback=recordings_folder()), path
 
@@ -197,6 +201,7 @@ class ScanSettings:
     order: ScanOrder = WHOLE_TURN
     traces: bool = True
     max_range: float | None = None  # m; None: the maximum range of the board
+    until_stopped: bool = False  # whether sweeps follow one another until Stop, as of a radar
 
 
 def connect(scanner: Scanner, report: "ScannerThread") -> Phase:
@@ -230,7 +235,8 @@ def scan_and_record(scene: Scene, settings: ScanSettings, takes_board: bool = Fa
     def run(scanner: Scanner, report: "ScannerThread") -> Phase:
         named = suited_board(scanner.info.board, scene.board) if takes_board else scene.board
         scanned = replace(scene, board=named)
-        log, path = start_recording(settings.folder, scanned, report.warn)
+        read_as = "; ".join(scanner.notes)
+        log, path = start_recording(settings.folder, scanned, report.warn, scanner.url, read_as)
         report.advance(recording=path)
         report.count_lost(scanner)
         try:
@@ -246,7 +252,7 @@ def scan_and_record(scene: Scene, settings: ScanSettings, takes_board: bool = Fa
 def _plan(scene: Scene, settings: ScanSettings) -> ScanPlan:
     board, air = scene.board, scene.room.air if scene.room else Air()
     return ScanPlan(
-        settings.order,
+        until_stopped(settings.order) if settings.until_stopped else settings.order,
         reach=board.max_range if settings.max_range is None else settings.max_range,
         blanking=board.blanking_end,
         air=ScanAir(air.speed_at, air.temperature_c),

@@ -247,8 +247,13 @@ class WindowSession(QObject):
             self._warn_of_torn(now)
         elif not log.readings:
             self.notices.warn(f"{name}: contains no readings")
+        self.jobs.run("check the readings", files.check_readings, log, then=partial(self._warn_of, name))
         doubts = (place_warning(log.metadata, self.shown.scene), *(scan.angle_warning for scan in log.scans))
         for doubt in filter(None, doubts):
+            self.notices.warn(f"{name}: {doubt}")
+
+    def _warn_of(self, name: str, doubts: Sequence[str]) -> None:
+        for doubt in doubts:
             self.notices.warn(f"{name}: {doubt}")
 
     @Slot()
@@ -605,6 +610,7 @@ class WindowSession(QObject):
     def _drop_readings(self) -> None:
         """Prepare for other readings."""
         self._followed.stop()
+        self.jobs.cancel("check the readings")
         self.fitting.cancel()
         self.causes.cancel()
         self.showing.drop_readings()

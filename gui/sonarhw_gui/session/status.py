@@ -120,10 +120,13 @@ def order_of_sector(start: float, stop: float, step: float, sweeps: int, pings: 
     return order
 
 
-def scan_summary(order: ScanOrder, link: LinkState | None) -> str:
+def scan_summary(order: ScanOrder, link: LinkState | None, until_stopped: bool = False) -> str:
     """Return the size of a scan, and its minimum duration if the device reports its ping period."""
     if link is not None and not link.takes_orders:
-        return f"{counted(order.sweeps, 'sweep')}; the device turns by itself"
+        sweeps = "sweeps until Stop" if until_stopped else counted(order.sweeps, "sweep")
+        return f"{sweeps}; the device turns by itself"
+    if until_stopped:
+        return f"sweeps of {order.headings} headings until Stop"
     device = link.device if link else None
     size = f"{order.headings} headings, {order.readings} readings"
     capabilities = device.capabilities if device else None

@@ -1,6 +1,7 @@
 """Files in the window: opened and dropped, imported, listed, reloaded when they change, and saved."""
 
 import json
+import math
 import os
 import re
 import shutil
@@ -328,6 +329,24 @@ def test_the_points_are_drawn_in_the_room_before_the_import(asked: Ask, scene: S
     assert {round(reading.range, 3) for reading in drawn.readings} == {0.2}
     step_to(dialog.fields["unit"], "mm")
     until(lambda: {round(reading.range, 3) for reading in dialog.plan.shown.readings} == {0.02})
+
+
+def test_an_opened_log_is_checked_as_every_scan(open_with: OpenWith, tmp_path: Path) -> None:
+    window = open_with()
+    log = written_log(tmp_path, [0.4 + 0.01 * k if k % 3 else 4.0 for k in range(24)])
+    window.session.open_file(str(log))
+    until(lambda: "8 of 24 readings have a range of exactly 4 m" in window.banner.message)
+    assert "sonarhw import FILE --no-echo 4" in window.banner.message
+
+
+def written_log(folder: Path, ranges: list[float]) -> Path:
+    """Write a log with these ranges (m), 5° apart."""
+    readings = [
+        Reading(k, 0, 0, math.radians(5 * k), 0.1 * k, (2 * distance / 343.0,), 343.0)
+        for k, distance in enumerate(ranges)
+    ]
+    write_scan(folder / "clamped.mcap", LogMetadata("scan", 1e9, board="hc-sr04"), readings)
+    return folder / "clamped.mcap"
 
 
 # recordings

@@ -320,6 +320,28 @@ def test_the_panel_connects_turns_homes_scans_a_sector_and_releases_the_port(
     assert len(read_log(scanned(session, before)).readings) == 8
 
 
+def test_sweeps_follow_one_another_until_stop_and_the_log_names_its_scanner(
+    open_with: OpenWith, board: FakeBoard, during: ExitStack
+) -> None:
+    endpoint = during.enter_context(serve(board, tcp="127.0.0.1:0", pace="max"))
+    window = open_with(source=lambda: Scanner.open(endpoint.url))
+    session, panel = window.session, window.device
+    key(window, "F7")
+    for field, typed in ((panel.start, "30"), (panel.end, "90"), (panel.step, "15")):
+        enter(field, typed)
+    panel.endless.click()
+    assert panel.summary.text() == "sweeps of 4 headings until Stop"
+    assert not panel.sweeps.isEnabled()
+    window.commands.scan.trigger()
+    until(lambda: len(session.shown.readings) > 12)
+    window.commands.stop.trigger()
+    log = read_log(scanned(session))
+    assert max(reading.sweep for reading in log.readings) >= 3
+    assert log.metadata.source == endpoint.url
+    panel.endless.click()
+    assert panel.sweeps.isEnabled()
+
+
 def test_f6_stops_a_turning_turntable_also_in_a_dialog_in_front_of_the_window(
     open_with: OpenWith, echoes: RoomEchoes, during: ExitStack
 ) -> None:
