@@ -21,7 +21,7 @@ from types import FrameType
 from sonarhw_cli.interruption import LAST_WORDS, SIGNALS
 
 INTERRUPTED = 130  # ExitStatus.INTERRUPTED, which is not imported before the handler is installed
-UNWINDING = 1.8  # s from the first signal, or from the end of the work, until the process exits, whatever still runs
+UNWINDING = 1.5  # s from the first signal, or from the end of the work, until the process exits, whatever still runs
 _LAST_WORDS = 0.1  # s for printing what was kept; standard error may accept nothing
 _HANGUP = getattr(signal, "SIGHUP", None)  # Windows has none
 

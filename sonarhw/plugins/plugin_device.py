@@ -35,7 +35,7 @@ _WATCHED_EACH = 1.0  # s
 _WATCHED = 2000  # newest measurements that are judged
 _TICK_US = 1  # two pings must not have the same time, because it identifies them
 _POLL = 0.05  # s; longest delay until a call from another thread takes effect
-_END_WITHIN = 1.2  # s for which `close` waits for a plug-in that blocks
+_END_WITHIN = 0.9  # s for which `close` waits for a plug-in that blocks
 _MOST_REASON = 255  # bytes of a text in Finished
 
 

@@ -14,7 +14,7 @@ from PySide6.QtCore import QObject, Qt, Signal, Slot
 from sonarhw.errors import Cancelled, SonarError
 
 _MOST_WAITING = 64  # jobs of a lane; another one is refused
-CLOSED_WITHIN = 1.5  # s for what was cancelled; a call of a library may not end
+CLOSED_WITHIN = 1.2  # s for what was cancelled; a call of a library may not end
 _SAVED_WITHIN = 60.0  # s for jobs that are done at the end too; a disk may not answer
 
 
