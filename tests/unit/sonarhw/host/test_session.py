@@ -133,6 +133,20 @@ def test_a_lost_reading_is_requested_at_the_next_heartbeat_and_again_after_a_whi
     assert requests[2] - requests[1] == pytest.approx(ASK_AGAIN, abs=1e-3)
 
 
+def test_more_readings_than_requests_for_one_are_requested_again(bench: Bench) -> None:
+    seen = set[int]()
+
+    def lost_at_first(message: Message) -> bool:
+        lost = isinstance(message, ReadingMessage) and message.number % 2 == 0 and message.number not in seen
+        if isinstance(message, ReadingMessage):
+            seen.add(message.number)
+        return lost
+
+    bench.up, order = without(lost_at_first), replace(ORDER, sweeps=4)
+    assert_complete(bench.scanned(order), order)
+    assert bench.session.statistics.lost_readings == 0  # which would be measured again
+
+
 def test_late_messages_of_an_earlier_scan_or_conversation_change_nothing(bench: Bench) -> None:
     late: list[bytes] = []
     lost = without(lambda message: isinstance(message, ReadingMessage) and message.number == 3)
