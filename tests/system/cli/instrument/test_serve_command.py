@@ -28,9 +28,10 @@ from sonarhw.device.served import serve
 from sonarhw.foxglove import FoxgloveServer
 from sonarhw.log import read_log
 from sonarhw.readings import Reading, Trace
+from sonarhw.wire.messages import StartScan
 from tests.fixtures.commands import SIMPLE_ROOM, end, lines, sonarhw, started
 from tests.fixtures.plain_echoes import PlainEchoes
-from tests.hang_guard import HANG
+from tests.hang_guard import HANG, wait_until
 
 DATA = struct.Struct("<BIQ")  # message data of Foxglove's protocol: 1, subscription, time in ns
 WHERE = ("--room", str(SIMPLE_ROOM), "--place", "figure9")
@@ -193,15 +194,26 @@ def test_the_missing_extra_is_named() -> None:
     assert done.stderr == f"sonarhw: a server for Foxglove needs its SDK, which is not installed: {install}\n"
 
 
+class Ordered(FakeBoard):
+    """A board that keeps the number of sweeps of its newest scan."""
+
+    sweeps = 0
+
+    def scanning(self, order: StartScan, now: float) -> tuple[int, Iterator[float]]:
+        self.sweeps = order.sweeps
+        return super().scanning(order, now)
+
+
 @pytest.mark.parametrize("interrupted", [False, True])
 def test_a_client_that_says_nothing_does_not_keep_the_server(interrupted: bool) -> None:
-    url = f"fake:{SIMPLE_ROOM}?place=figure9"
-    with started(
-        "serve", url, "--foxglove", "--tcp", "127.0.0.1:0", "--step", "90", "--sweeps", "9999" if interrupted else "1"
-    ) as serving:
+    options = ["--foxglove", "--tcp", "127.0.0.1:0", "--step", "90", *([] if interrupted else ["--sweeps", "1"])]
+    board = Ordered(PlainEchoes(), seed=2)
+    with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint, started("serve", endpoint.url, *options) as serving:
         host, _, port = lines(serving, 1)[0].strip().removeprefix("ws://").partition(":")
         with closing(socket.create_connection((host, int(port)))):
             if interrupted:
+                wait_until(lambda: board.sweeps)
                 serving.send_signal(signal.SIGINT)
             status, errors = end(serving)
     assert (status, "Traceback" in errors) == (130 if interrupted else 0, False)
+    assert board.sweeps == (65535 if interrupted else 1)  # by default until Ctrl-C
