@@ -16,7 +16,7 @@ from sonarhw_compare.fit.fitting import (
     warnings_of,
     with_listed_findings,
 )
-from sonarhw_compare.fit.free_walls import with_shifted_walls
+from sonarhw_compare.fit.free_walls import corner_moves, with_shifted_walls
 from sonarhw_compare.fit.objective import LEVELS, PROBABILITIES, Objective, tolerance_prior
 from sonarhw_compare.fit.parameters import Parameter, tolerated_parameters, with_priors
 from sonarhw_compare.fit.quantities import (
@@ -30,8 +30,9 @@ from sonarhw_compare.fit.quantities import (
 from sonarhw_compare.fit.search import averaged
 from sonarhw_compare.fit.starting import fit_scan
 from sonarhw_compare.scans import GivenScan
+from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import Mount, load_board
-from sonarhw_sim.room.room import Place, load_room, parse_room
+from sonarhw_sim.room.room import Place, Room, load_room, parse_room
 
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
@@ -259,3 +260,49 @@ def test_the_plain_fit_finds_heading_offset_and_a_position_nearby() -> None:
     assert (only.offset, only.place.position) == (0.0, FIGURE_9.position)
     with pytest.raises(InputError, match="wind"):
         fit_scan(readings, SIMPLE, FIGURE_9, PAPER, frozenset({"wind"}))
+
+
+@pytest.mark.parametrize(
+    ("word", "bounds"),
+    [
+        ("x", (-1.0, 2.0)),
+        ("y", (0.0, 4.0)),
+        ("heading", (-math.inf, math.inf)),
+        ("temperature", (-10.0, 45.0)),
+        ("speed", (Air(-10.0).speed_of_sound, Air(45.0).speed_of_sound)),
+        ("threshold", (BOARD.threshold_db - 20.0, min(0.0, BOARD.threshold_db + 20.0))),
+        ("aperture", (BOARD.aperture_radius / 2.5, BOARD.aperture_radius * 2.5)),
+        ("ahead", (0.05 - 0.06, 0.05 + 0.06)),
+        ("aside", (-0.01 - 0.06, -0.01 + 0.06)),
+        ("offset", (-0.06, 0.06)),
+        ("reflectance:m0", (0.2, 1.0)),
+        ("wall:w1", (-0.1, 0.1)),
+    ],
+)
+def test_bounds_are_those_of_the_room_and_the_board(word: str, bounds: tuple[float, float]) -> None:
+    (found,) = free_parameters([word], [""], ROOM, BOARD)
+    assert (found.lower, found.upper) == pytest.approx(bounds)
+    # no threshold is over the echo of a perfect wall
+    (loud,) = free_parameters(["threshold"], [""], ROOM, replace(BOARD, threshold_db=-12.0))
+    assert (loud.lower, loud.upper) == (-32.0, 0.0)
+
+
+def closed_room(corners: dict[str, tuple[float, float]]) -> Room:
+    """Return a closed room, counter-clockwise, with a wall from each corner to the next."""
+    points = list(corners.values())
+    walls = "".join(
+        f'[[walls]]\nname = "{name}"\npoints = [{list(begin)}, {list(end)}]\nmaterial = "m"\n'
+        for name, begin, end in zip(corners, points, points[1:] + points[:1], strict=True)
+    )
+    return parse_room(f'name = "room"\n[materials.m]\nreflectance = 0.9\n{walls}', "room")
+
+
+@pytest.mark.parametrize("corner", [(0.0, 0.0), (2.0, 0.5), (1.5, 2.0), (-0.3, 1.6)])
+def test_derivatives_of_corners_are_those_of_finite_differences(corner: tuple[float, float]) -> None:
+    room = closed_room({"a": (0.0, 0.0), "b": (2.0, 0.5), "c": (1.5, 2.0), "d": (-0.3, 1.6)})
+    columns = {0: 0, 1: 1, 3: 2}  # wall c is fixed
+    (row,) = np.flatnonzero((room.walls[:, :2] == corner).all(axis=1))
+    found = corner_moves(room, np.array(corner), columns)
+    for wall, column in columns.items():
+        moved = with_shifted_walls(room, {room.names[wall]: 1e-6}).walls[row, :2]
+        assert found[:, column] == pytest.approx((moved - corner) / 1e-6, abs=1e-5)

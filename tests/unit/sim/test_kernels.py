@@ -139,3 +139,12 @@ def test_an_error_in_one_part_reaches_the_caller(monkeypatch: pytest.MonkeyPatch
     with pytest.raises(ValueError, match="5"):
         in_parts(fail, 10, 1)
     assert len(in_parts(_part, 10, 1)) == 2
+
+
+def test_no_part_within_a_part_has_threads_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    _use(2, monkeypatch)
+    inner = in_parts(lambda begin, end: (get_ident(), in_parts(_part, 10, 1)), 10, 1)
+    assert [_bounds(parts) for _, parts in inner] == [[(0, 10)], [(0, 10)]]
+    assert all(parts[0][2] == thread for thread, parts in inner)
+    # later calls have threads again
+    assert len({thread for _, _, thread in in_parts(_part, 10, 1)}) == 2

@@ -383,3 +383,43 @@ def test_no_detectable_path_is_dropped(strength: EdgeStrength, leaving_deg: floa
     assert len(detected) > 10
     assert distances.max() < 1e-6
     assert len(found) < len(every) / 2
+
+
+def cluttered() -> tuple[np.ndarray, np.ndarray]:
+    """Return a room with legs, a cable and two screens: walls and posts."""
+    corners = np.array([(-1.0, -0.9), (1.3, -0.9), (1.3, 1.1), (-1.0, 1.1)])
+    walls = np.hstack((corners, np.roll(corners, -1, axis=0)))
+    screens = np.array([[0.5, 0.1, 0.52, 0.14], [-0.4, 0.5, -0.9, 0.55]])
+    posts = np.array([[0.3, -0.4, 0.02], [0.45, -0.62, 0.012], [-0.5, -0.2, 0.002], [0.1, 0.6, 0.006]])
+    return np.vstack((walls, screens)), posts
+
+
+def levels(paths: Paths) -> np.ndarray:
+    """Return the length, gain and phase of all paths over -50 dB, shortest and loudest first."""
+    loud = np.flatnonzero(paths.gains > 10 ** (-50 / 20))
+    turns = np.exp(1j * paths.phases[loud])
+    rows = np.column_stack((np.round(paths.lengths[loud], 7), paths.gains[loud], turns.real, turns.imag))
+    return rows[np.lexsort((np.round(rows[:, 1], 6), rows[:, 0]))]
+
+
+def turned_room(angle: float) -> Room:
+    walls, posts = cluttered()
+    turn = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
+    return room_of((walls.reshape(-1, 2) @ turn).reshape(-1, 4), np.column_stack((posts[:, :2] @ turn, posts[:, 2])))
+
+
+SEARCH_PAST = PathSearch(5.0, WAVE, max_bounces=3, faintest_diffraction=1e-3)
+
+
+def test_turning_the_room_changes_no_path() -> None:
+    straight = levels(find_paths(turned_room(0.0), (0.0, 0.0), SEARCH_PAST))
+    turned = levels(find_paths(turned_room(math.radians(17.3)), (0.0, 0.0), SEARCH_PAST))
+    assert len(straight) > 50
+    assert turned == pytest.approx(straight, abs=1e-6)
+
+
+def test_exchanging_both_ends_changes_no_path() -> None:
+    room, here, there = turned_room(0.0), (0.0, 0.0), (0.2, 0.3)
+    out = levels(find_paths(room, here, SEARCH_PAST, there))
+    assert len(out) > 50
+    assert levels(find_paths(room, there, SEARCH_PAST, here)) == pytest.approx(out, abs=1e-6)

@@ -386,3 +386,11 @@ def test_other_chains_are_not_circles(chains: Sequence[Points]) -> None:
 
 
 # Places where no scanner can be.
+
+
+@pytest.mark.parametrize("pillar", [circle(12), circle(64), circle(64)[::-1]], ids=["12", "64", "clockwise"])
+def test_a_pillar_of_many_walls_is_a_circle_with_centre_and_radius(pillar: Points) -> None:
+    (found,) = facets_of(drawn(RECTANGLE, pillar))
+    assert found.walls == range(4, 4 + len(pillar))
+    assert found.middle == pytest.approx(MIDDLE)
+    assert found.radius == pytest.approx(RADIUS)

@@ -1,6 +1,7 @@
 """Grid, edges and enclosures of a room equal those of a search among all walls, also where walls crowd at one spot."""
 
 import math
+from dataclasses import fields, replace
 from fractions import Fraction
 from itertools import combinations
 
@@ -9,13 +10,16 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from sonarhw_sim.rays.fan import distance_to, first_hit
+from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
 from sonarhw_sim.rays.sequences import leg_is_free
 from sonarhw_sim.room import edges
 from sonarhw_sim.room.edges import edges_on_walls, find_edges
 from sonarhw_sim.room.grid import lay_grid
 from sonarhw_sim.room.room import (
+    Enclosures,
     Room,
     find_enclosures,
+    inside,
     load_room,
     parse_room,
     walls_enclose,
@@ -23,7 +27,7 @@ from sonarhw_sim.room.room import (
 
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
-from tests.fixtures.rooms_for_tests import polygon_room, room_of
+from tests.fixtures.rooms_for_tests import polygon_room, room_of, star_room
 
 Wedge = tuple[float, float, float, str]  # x and y of its vertex, m, opening, rad, and name
 
@@ -244,3 +248,40 @@ def test_too_many_overlapping_walls_are_refused_with_one_line(monkeypatch: pytes
         InputError, match=r"^many\.toml: walls: too many overlap, .* y = 0 m: .* at most 1000 .*one wall$"
     ):
         parse_room(overlapping(40), "many.toml")
+
+
+SEARCH = PathSearch(8.0, 0.00696, 6)
+
+
+def without_enclosures(room: Room) -> Room:
+    blind = replace(room)
+    nothing = np.empty(0, np.intp)
+    blind.__dict__["enclosures"] = Enclosures(
+        np.empty((0, 4)), nothing, nothing, nothing, np.empty(0, np.bool_), len(room.edges)
+    )
+    return blind
+
+
+def assert_same_paths(one: Paths, other: Paths) -> None:
+    for column in fields(Paths):
+        np.testing.assert_array_equal(getattr(one, column.name), getattr(other, column.name))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_paths_are_the_same_without_enclosures(seed: int) -> None:
+    room = star_room(seed, 7, convex=False)
+    assert len(room.edges) > 0
+    random = np.random.default_rng(seed)
+    for distance in (0.3, 4.0):
+        angle = random.uniform(0, math.tau)
+        position = distance * math.cos(angle), distance * math.sin(angle)
+        assert_same_paths(find_paths(room, position, SEARCH), find_paths(without_enclosures(room), position, SEARCH))
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_walls_of_one_chain_enclose_the_points_inside(seed: int) -> None:
+    walls, random = star_room(seed, 9, convex=False).walls, np.random.default_rng(seed)
+    points = random.uniform(walls.min(), walls.max(), (40, 2))
+    enclosed = [walls_enclose(walls, (float(x), float(y))) for x, y in points]
+    assert enclosed == inside(points, walls).tolist()
+    assert 0 < sum(enclosed) < 40

@@ -18,7 +18,7 @@ from sonarhw.errors import (
     NoAnswer,
     WrongDevice,
 )
-from sonarhw.host.driver import ASK_AGAIN, NO_MESSAGE, SILENCE
+from sonarhw.host.driver import ASK_AGAIN, NO_MESSAGE, SIGN_OF_LIFE, SILENCE
 from sonarhw.host.scripts import (
     MOVE_WITHIN,
     Job,
@@ -457,3 +457,25 @@ def test_a_possible_bootloader_receives_nothing_for_two_seconds_unless_the_devic
     session = opened(quiet=BOOTLOADER)
     session.receive(BEAT, 0.3)
     assert session.outgoing()
+
+
+def test_readings_that_the_device_no_longer_keeps_are_measured_again(bench: Bench) -> None:
+    scan = bench.scan(ORDER, readings=5)
+    # these readings are lost until the device no longer keeps them
+    bench.up = without(lambda message: isinstance(message, ReadingMessage) and 10 <= message.number < 13)
+    bench.until(lambda: bench.session.statistics.lost_readings == 3)
+    bench.up = lambda data: data
+    bench.until(lambda: scan.done)
+    assert_complete(scan.readings)
+    assert [reading.number for reading in scan.readings][-3:] == [10, 11, 12]
+
+
+def test_the_statistics_show_a_bad_cable_only(bench: Bench) -> None:
+    bad = Bench().connect()
+    bad.up = dropping(5, 1 / 200)
+    for one in (bench, bad):
+        one.scanned(ORDER)
+    clean, poor = bench.session.statistics, bad.session.statistics
+    assert (clean.rejected_blocks, clean.missing_frames, clean.resends, clean.repeated_commands) == (0, 0, 0, 0)
+    assert min(poor.rejected_blocks, poor.missing_frames, poor.resends) > 0
+    assert 0 < clean.frames_sent < 10 + bench.now / SIGN_OF_LIFE

@@ -1,7 +1,7 @@
 """A closed log opened by its index gives the same data as its frames, and its traces are read on first use."""
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,7 @@ import sonarhw.log.reader
 from sonarhw.errors import NotALog
 from sonarhw.log import Log, LogWriter, copy_log, read_log
 from sonarhw.log.writer import write_scan
-from sonarhw.readings import Trace
+from sonarhw.readings import Reading, Trace
 from sonarhw.wire.messages import Finished, Hello, Info, Settings, Started, StartScan
 from sonarhw.wire.readings_of_frames import reading_message, trace_chunks
 from tests.fixtures.example_logs import METADATA, SPEED, STARTED, assert_readings_close, example_reading, write_example
@@ -226,3 +226,22 @@ def test_any_bit_error_in_a_closed_log_is_reported(tmp_path: Path) -> None:
         log = read_log(path)
         assert log.torn, at
         assert len(log.readings) == 4
+
+
+@pytest.mark.usefixtures("only_by_index")
+def test_the_index_contains_every_field_of_a_reading(tmp_path: Path) -> None:
+    reading = replace(example_reading(1, trace=True, sweep=3), ping=2, number=0, time=0.0, pose=(1.0, 2.0, 3.0))
+    write_scan(tmp_path / "scan.mcap", METADATA, [reading])
+    (read,) = read_log(tmp_path / "scan.mcap").readings
+    defaults = Reading(0, 0, 0, 0.0, 0.0, (), 0.0)
+    same = [field.name for field in fields(Reading) if getattr(read, field.name) == getattr(defaults, field.name)]
+    assert same == ["number", "time"]
+    assert read.host_time == pytest.approx(STARTED, abs=0.1)
+
+
+@pytest.fixture
+def only_by_index(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr(sonarhw.log.reader, "_decoded", refuse)
