@@ -1,7 +1,9 @@
 """How well a robot is tracked: seeded trajectories in a model that is as wrong as real ones are, by several models.
 
-    python -m benchmarks.tracking            the short version: two trajectories of 5 m in each room
-    python -m benchmarks.tracking --whole    thirty trajectories of 20 m
+    python -m benchmarks.tracking                           the short version: two trajectories of 5 m in each room
+    python -m benchmarks.tracking --whole                   thirty trajectories of 20 m
+    python -m benchmarks.tracking --rooms arena --drives 4 --way 20 --sensors 8
+    python -m benchmarks.tracking --everywhere              the start is unknown
 
 The odometry has an error of 5 % of the way and 3° per metre. The robot is in a room with corners off by 5 mm, a post
 that the tracker does not have, a threshold off by 2 dB, and 5 % stray readings.
@@ -29,6 +31,8 @@ CLEARANCE = 0.2  # m, from the robot to walls
 DRIFT = (0.05, math.radians(3))
 CORNERS, THRESHOLD, STRAYS = 0.005, 2.0, 0.05  # m, dB, share
 POST = 0.03  # m, radius
+NEAR, LOST = 0.15, 0.5  # m
+FOUND_WITHIN = 5.0  # m of way
 
 
 @dataclass(frozen=True)
@@ -112,19 +116,34 @@ class Figures:
     """Errors of the updates of a drive."""
 
     errors: FloatArray  # (n,), m
-    within: FloatArray  # (n,), whether two deviations hold the truth
+    within: FloatArray  # (n,), whether two deviations hold the truth, in x and in y
     seconds: float  # of processor time for each update
 
+    @property
+    def found_after(self) -> float:
+        """The way after which the error stays below 15 cm for ten updates, m; inf: never."""
+        near = self.errors <= NEAR
+        begins = [k for k in range(len(near) - 9) if near[k : k + 10].all()]
+        return STEP * begins[0] if begins else math.inf
 
-def tracked(room: sonarhw.Room, board: sonarhw.Board, driven: Drive, model: Model, seed: int) -> Figures:
-    """Return the errors of a tracker that starts at the true pose."""
-    tracker = Tracker(room, board, driven.poses[0], model=model, drift=DRIFT, seed=seed)
+    @property
+    def is_lost(self) -> bool:
+        """Whether the last ten errors are large."""
+        return bool(self.errors[-10:].min() > LOST)
+
+
+def tracked(
+    room: sonarhw.Room, board: sonarhw.Board, driven: Drive, model: Model, seed: int, everywhere: bool
+) -> Figures:
+    """Return the errors of a tracker that starts at the true pose, or anywhere."""
+    start = None if everywhere else driven.poses[0]
+    tracker = Tracker(room, board, start, model=model, drift=DRIFT, seed=seed)
     errors, within, begun = [], [], time.process_time()
     for pose, step, ranges in zip(driven.poses, driven.odometry, driven.ranges, strict=True):
         found = tracker.update(step, driven.headings, ranges)
         away = np.array(found.position) - pose[:2]
         errors.append(float(np.hypot(*away)))
-        within.append(bool((np.abs(away) <= 2 * np.array(found.deviations[:2])).all()))
+        within.append(float((np.abs(away) <= 2 * np.array(found.deviations[:2])).mean()))
     seconds = (time.process_time() - begun) / len(errors)
     return Figures(np.array(errors), np.array(within), seconds)
 
@@ -145,28 +164,40 @@ def main() -> None:
     """Print the figures of each model."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--whole", action="store_true", help="thirty trajectories of 20 m")
+    parser.add_argument("--rooms", nargs="+", default=ROOMS)
+    parser.add_argument("--drives", type=int, help="trajectories in each room")
+    parser.add_argument("--way", type=float, help="m of each trajectory")
     parser.add_argument("--sensors", type=int, default=16)
     parser.add_argument("--board", default="hc-sr04")
-    whole = parser.parse_args()
-    way, count = (20.0, 10) if whole.whole else (5.0, 2)
-    board = sonarhw.load_board(whole.board)
+    parser.add_argument("--everywhere", action="store_true", help="the start is unknown")
+    given = parser.parse_args()
+    way = given.way or (20.0 if given.whole else 5.0)
+    count = given.drives or (10 if given.whole else 2)
+    board = sonarhw.load_board(given.board)
     figures: dict[str, list[Figures]] = {}
-    for name in ROOMS:
+    for name in given.rooms:
         room = sonarhw.load_room(name)
         for seed in range(count):
-            driven = drive(room, board, way, whole.sensors, seed)
+            driven = drive(room, board, way, given.sensors, seed)
             for model in MODELS:
-                figures.setdefault(model.value, []).append(tracked(room, board, driven, model, seed))
+                figures.setdefault(model.value, []).append(tracked(room, board, driven, model, seed, given.everywhere))
             figures.setdefault("odometry alone", []).append(dead_reckoning(driven))
-    print(f"{len(ROOMS) * count} drives of {way:g} m, {whole.sensors} sensors, board {board.name}")
-    print("model            median    95 %  within 15 cm  lost  in 2 deviations  s per update")
-    for name, drives in figures.items():
-        errors, within = (np.concatenate([getattr(one, key) for one in drives]) for key in ("errors", "within"))
-        lost = sum(one.errors[-10:].min() > 0.5 for one in drives)
-        print(
-            f"{name:15}  {np.median(errors):.3f} m  {np.quantile(errors, 0.95):.3f} m  {(errors <= 0.15).mean():11.1%}"
-            f"  {lost:4d}  {within.mean():15.1%}  {np.mean([one.seconds for one in drives]):.3f}"
-        )
+    drives = len(given.rooms) * count
+    start = "unknown start" if given.everywhere else "known start"
+    print(f"{drives} drives of {way:g} m in {', '.join(given.rooms)}, {given.sensors} sensors, {board.name}, {start}")
+    print("model            median    95 %  within 15 cm  lost  found in 5 m  in 2 deviations  s per update")
+    for name, of_model in figures.items():
+        _print(name, of_model)
+
+
+def _print(name: str, drives: list[Figures]) -> None:
+    errors, within = (np.concatenate([getattr(one, key) for one in drives]) for key in ("errors", "within"))
+    found = sum(one.found_after <= FOUND_WITHIN for one in drives)
+    print(
+        f"{name:15}  {np.median(errors):.3f} m  {np.quantile(errors, 0.95):.3f} m  {(errors <= NEAR).mean():11.1%}"
+        f"  {sum(one.is_lost for one in drives):4d}  {found:7d} of {len(drives):<2d}  {within.mean():14.1%}"
+        f"  {np.mean([one.seconds for one in drives]):.3f}"
+    )
 
 
 if __name__ == "__main__":

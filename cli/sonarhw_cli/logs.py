@@ -96,6 +96,21 @@ MeanOf = Annotated[
 TimeColumn = Annotated[
     str | None, typer.Option("--time", help="CSV: column of the time, s; default: readings 0.1 s apart.", metavar="COL")
 ]
+PoseX = Annotated[
+    str | None,
+    typer.Option(
+        "--x",
+        help="CSV: column of a robot's x; also --y and --yaw. Metres, or the unit in its name.",
+        metavar="COL",
+    ),
+]
+PoseY = Annotated[str | None, typer.Option("--y", help="CSV: column of its y.", metavar="COL")]
+PoseYaw = Annotated[
+    str | None,
+    typer.Option(
+        "--yaw", help="CSV: column of its heading, counter-clockwise from x. Degrees, or as its name.", metavar="COL"
+    ),
+]
 DecimalComma = Annotated[
     bool,
     typer.Option("--decimal-comma", help="CSV: decimal commas in numbers; semicolons or tabs between columns."),
@@ -136,6 +151,9 @@ def import_scan(
     no_echo: NoEcho = None,
     mean_of: MeanOf = None,
     time_column: TimeColumn = None,
+    x: PoseX = None,
+    y: PoseY = None,
+    yaw: PoseYaw = None,
     decimal_comma: DecimalComma = False,
     threshold: EchoThreshold = None,
     blanking: Blanking = None,
@@ -173,6 +191,9 @@ def import_scan(
         heading=heading or "",
         range=distance or "",
         time=time_column or "",
+        x=x or "",
+        y=y or "",
+        yaw=yaw or "",
         decimal_comma=decimal_comma,
         scale=scale,
         turn=turn or "",
@@ -218,7 +239,7 @@ def _board_in(metadata: "LogMetadata") -> "Board | None":
 
 
 _KEYS = (
-    "format preset pattern unit angle heading range time decimal_comma scale turn heading_zero no_echo mean_of "
+    "format preset pattern unit angle heading range time x y yaw decimal_comma scale turn heading_zero no_echo mean_of "
     "threshold blanking rate step topic variable axis full_scale speed_of_sound"
 )
 

@@ -164,7 +164,9 @@ def _of_mcap(file: Path, start: bytes) -> ImportFormat:
 
 
 _NEEDS = {
-    **dict.fromkeys(["preset", "pattern", "unit", "heading", "range", "time", "decimal_comma"], "text"),
+    **dict.fromkeys(
+        ["preset", "pattern", "unit", "heading", "range", "time", "x", "y", "yaw", "decimal_comma"], "text"
+    ),
     **dict.fromkeys(["angle", "scale", "mean_of"], "text log"),
     **dict.fromkeys(["threshold", "blanking", "speed_of_sound"], "traces"),
     **dict.fromkeys(["rate", "axis", "variable", "full_scale"], "raw"),

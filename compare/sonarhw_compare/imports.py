@@ -22,7 +22,7 @@ from sonarhw.log import LogMetadata, read_log
 from sonarhw.mean_ranges import MOST_PINGS, are_means, unit_of
 from sonarhw.plugins.device_plugin import Measurement
 from sonarhw.plugins.sweep_tracker import SweepTracker
-from sonarhw.readings import Origin, Reading
+from sonarhw.readings import Origin, Reading, RobotPose
 from sonarhw.scan_check import ANY_BOARD, check_scan
 from sonarhw.text.decoder import Decoder, encoding_of, make_decoder, text_of, utf16_of
 from sonarhw.text.layouts import ColumnNames, Layout, Printed, column_names, layout_of
@@ -49,6 +49,9 @@ class ImportOptions:
     heading: str = ""  # columns of a table
     range: str = ""
     time: str = ""
+    x: str = ""  # columns of the pose of a robot
+    y: str = ""
+    yaw: str = ""
     decimal_comma: bool = False
     scale: float | None = None  # m per unit of range
     turn: Literal["", "ccw", "cw"] = ""  # direction in which angles grow; empty: as stated, else counter-clockwise
@@ -82,6 +85,9 @@ class ImportOptions:
             raise InputError(f"step={self.step:g}: expected -360 to 360 degrees")
         if self.full_scale is not None and not self.full_scale > 0:
             raise InputError(f"full_scale={self.full_scale:g}: expected a number above 0")
+        if bool(self.x) + bool(self.y) + bool(self.yaw) not in (0, 3):
+            given = next(f"{key}={value}" for key in ("x", "y", "yaw") if (value := getattr(self, key)))
+            raise InputError(f"{given}: expected the columns of x, y and yaw")
         if self.mean_of is not None and not 2 <= self.mean_of <= MOST_PINGS:
             raise InputError(f"mean_of={self.mean_of}: expected 2 to {MOST_PINGS} pings")
 
@@ -100,9 +106,10 @@ class ImportOptions:
     def known(self) -> Layout:
         """What is known of the text without a preset or pattern. Raises InputError."""
         known = layout_of(self._keys(preset="csv"))
-        if not (self.heading or self.range or self.time):
+        pose = tuple(filter(None, (self.x, self.y, self.yaw)))
+        if not (self.heading or self.range or self.time or pose):
             return replace(known, scale=self.scale)
-        names = ColumnNames(self.heading, self.range, self.time, self.decimal_comma)
+        names = ColumnNames(self.heading, self.range, self.time, pose, self.decimal_comma)
         return replace(known, scale=self.scale, columns=names)
 
     def _keys(self, **layout: str) -> dict[str, str]:
@@ -245,7 +252,7 @@ def _sign(stated: float | None, layout: Layout, named_clockwise: bool) -> float:
 
 def _check_names(where: str, data: bytes, names: ColumnNames) -> None:
     """Raise InputError if the columns that the user names are not those of the text."""
-    wanted = [name for name in (names.heading, names.range, names.time) if name]
+    wanted = [name for name in (names.heading, names.range, names.time, *names.pose) if name]
     table = text_table(data, names.decimal_comma, wanted)
     has = f"its columns: {', '.join(table.names)}" if table else "it has no columns"
     if not names.heading or not names.range:
@@ -289,6 +296,13 @@ def _decided(where: str, proposal: LayoutProposal) -> Layout:
     )
 
 
+@dataclass(frozen=True)
+class _Measured(Measurement):
+    """A measurement of a robot with its pose."""
+
+    pose: RobotPose | None = None
+
+
 def _text_rows(where: str, printed: list[Printed], layout: Layout) -> tuple[list[ForeignRow], str, str]:
     """Return the rows in sweeps, what was left out, and why printed times are not used; empty texts: nothing."""
     tracker = SweepTracker(begins_whole=True)
@@ -300,7 +314,8 @@ def _text_rows(where: str, printed: list[Printed], layout: Layout) -> tuple[list
         if heading is None:
             heading = steps * (layout.step or 0.0) % 360
             steps += 1
-        measured.append(Measurement(math.radians(heading), reading.ranges, time, restarted=reading.restarted))
+        angle = math.radians(heading)
+        measured.append(_Measured(angle, reading.ranges, time, restarted=reading.restarted, pose=reading.pose))
     for measurement in measured:
         placed += [(item.sweep, item.measurement) for item in tracker.add(measurement)]
     placed += [(item.sweep, item.measurement) for item in tracker.flush()]
@@ -314,6 +329,7 @@ def _text_rows(where: str, printed: list[Printed], layout: Layout) -> tuple[list
             measurement.time,
             sweep,
             more=measurement.ranges[1:],
+            pose=measurement.pose if isinstance(measurement, _Measured) else None,
         )
         for number, (sweep, measurement) in enumerate(placed)
     ]

@@ -43,6 +43,7 @@ class Printed:
     scale: float | None = 1.0  # m, unit of the ranges; None: not stated
     restarted: bool = False  # whether a banner or another text was printed since the reading before
     time: float | None = None  # s, as printed; None: the text states none
+    pose: tuple[float, float, float] | None = None  # of a robot: x, y (m) and heading (rad); None: none is stated
 
     @property
     def ranges(self) -> tuple[float, ...]:
@@ -146,6 +147,7 @@ def regex_format(
     range_group = next(group for group in pattern.groupindex if group.partition("_")[0] == "range")
     heading_group = next((group for group in pattern.groupindex if group.partition("_")[0] == "heading"), None)
     named = range_group.partition("_")[2] or None
+    of_pose = pose_columns([*pattern.groupindex])
 
     def match_here(line: str) -> Groups | None:
         match = pattern.fullmatch(line)
@@ -164,7 +166,8 @@ def regex_format(
             heading = None if text is None or heading_group is None else units.heading(text, heading_group[8:])
         except ValueError:
             return None
-        return _only(units.printed(heading, [texts[range_group]], stated))
+        printed = units.printed(heading, [texts[range_group]], stated)
+        return None if printed is None else (replace(printed, pose=_pose_in([*texts.values()], of_pose)),)
 
     return LineFormat(
         read, ends, lambda line: matched(line.strip()) is not None, matching.close if matching else lambda: None
@@ -522,6 +525,43 @@ class Columns:
     range: NameMeaning
     time: int | None = None
     second: float = 1.0  # s, unit of the times
+    pose: "PoseColumns" = ()
+
+
+PoseColumns = tuple[tuple[int, float], ...]  # the columns of x, y and yaw of a robot, with their units, m, m and rad
+_POSE = re.compile(r"(x|y)_(m|cm|mm|in|ft)|(yaw)_(deg|rad|gon)")
+
+
+def pose_columns(names: Sequence[str], chosen: Sequence[str] = ()) -> PoseColumns:
+    """Return the columns of a pose: `chosen` ones, else those such as x_m, y_m and yaw_deg; none unless there are all.
+
+    Units are the last words of their names, by default m and degrees.
+    """
+    found = {match[1] or match[3]: match[0] for name in names if (match := _POSE.fullmatch(name.strip()))}
+    wanted = chosen or [found.get(part, "") for part in ("x", "y", "yaw")]
+    places = [_place_of(names, name) for name in wanted if name]
+    if None in places or len(places) != len(_POSE_UNITS):
+        return ()
+    words = [words_of(name) for name in wanted]
+    units = [
+        next((known[word] for word in reversed(of_name) if word in known), usual)
+        for of_name, (known, usual) in zip(words, _POSE_UNITS, strict=True)
+    ]
+    return tuple((place, unit) for place, unit in zip(places, units, strict=True) if place is not None)
+
+
+_LENGTHS = {unit: metres for unit, metres in RANGE_UNITS.items() if unit != "us"}
+_TURNS = {unit: math.radians(degrees) for unit, degrees in ANGLE_UNITS.items()}
+_POSE_UNITS = ((_LENGTHS, 1.0), (_LENGTHS, 1.0), (_TURNS, math.radians(1)))  # of x, y and yaw, and the usual one
+
+
+def _pose_in(cells: Sequence[str | None], columns: PoseColumns) -> tuple[float, float, float] | None:
+    """Return the pose in a row; None if it has none."""
+    try:
+        x, y, yaw = (_number(cells[k] or "") * unit for k, unit in columns)
+    except (ValueError, IndexError):
+        return None
+    return x, y, yaw
 
 
 @dataclass(frozen=True)
@@ -531,6 +571,7 @@ class ColumnNames:
     heading: str
     range: str
     time: str = ""
+    pose: tuple[str, ...] = ()  # x, y and yaw of a robot
     decimal_comma: bool = False  # commas are those of decimal numbers, not between columns
 
 
@@ -554,7 +595,10 @@ def named_columns(cells: Sequence[str], names: ColumnNames) -> Columns | None:
     german = is_german(word for cell in cells for word in words_of(cell))
     angle, reach = (meaning_of(cells[k], german) if k < len(cells) else NameMeaning() for k in (heading, distance))
     second = next((time_unit(cells[k]) or 1.0 for k in rest if k < len(cells)), 1.0)
-    return Columns(len(cells), heading, (distance,), angle, reach, rest[0] if rest else None, second)
+    pose = pose_columns(cells, names.pose)
+    if names.pose and not pose:
+        return None
+    return Columns(len(cells), heading, (distance,), angle, reach, rest[0] if rest else None, second, pose)
 
 
 def _place_of(cells: Sequence[str], name: str) -> int | None:
@@ -567,7 +611,9 @@ def _place_of(cells: Sequence[str], name: str) -> int | None:
 def columns_of(names: Sequence[str]) -> Columns | str | None:
     """Return the columns with these names, or what is wrong with them; None if no name is one of a quantity."""
     german = is_german(word for name in names for word in words_of(name))
-    meanings = [meaning_of(name, german) for name in names]
+    pose = pose_columns(names)
+    of_pose = {k for k, _ in pose}
+    meanings = [NameMeaning() if k in of_pose else meaning_of(name, german) for k, name in enumerate(names)]
     angles = [k for k, meaning in enumerate(meanings) if meaning.quantity is ColumnKind.ANGLE]
     ranges = [k for k, meaning in enumerate(meanings) if meaning.quantity is ColumnKind.RANGE]
     if len(angles) > 1:  # a full word before an abbreviation
@@ -587,7 +633,7 @@ def columns_of(names: Sequence[str]) -> Columns | str | None:
     times = [k for k, meaning in enumerate(meanings) if meaning.quantity is ColumnKind.TIME and time_unit(names[k])]
     time = times[0] if len(times) == 1 else None
     second = 1.0 if time is None else time_unit(names[time]) or 1.0
-    return Columns(len(names), angles[0], tuple(ranges), meanings[angles[0]], meanings[ranges[0]], time, second)
+    return Columns(len(names), angles[0], tuple(ranges), meanings[angles[0]], meanings[ranges[0]], time, second, pose)
 
 
 _TWO_NUMBERS = Columns(2, 0, (1,), NameMeaning(ColumnKind.ANGLE), NameMeaning(ColumnKind.RANGE))
@@ -618,7 +664,9 @@ def csv_format(units: Units, names: ColumnNames | None = None) -> LineFormat:
         # without a header, the end of the line may be missing
         texts = [cells[k] or (None if below or k < columns.count - 1 else "") for k in columns.ranges]
         printed = units.printed(heading, texts, columns.range.unit)
-        return None if printed is None else (replace(printed, time=_time_in(cells, columns)),)
+        if printed is None:
+            return None
+        return (replace(printed, time=_time_in(cells, columns), pose=_pose_in(cells, columns.pose)),)
 
     def read(line: str) -> Read:
         nonlocal columns, below
@@ -682,7 +730,9 @@ def json_format(units: Units) -> LineFormat:
             return None
         texts = [None if echo is None else str(echo) for echo in echoes]
         angle = -angle if columns.angle.clockwise else angle
-        return _only(units.printed(angle, texts, columns.range.unit))
+        printed = units.printed(angle, texts, columns.range.unit)
+        pose = _pose_in([str(value) for value in values], columns.pose)
+        return None if printed is None else (replace(printed, pose=pose),)
 
     return LineFormat(read, LINE_ENDS, lambda line: isinstance(read(line), tuple))
 

@@ -13,6 +13,7 @@ from sonarhw_sim.air import Model
 
 import sonarhw
 from sonarhw import InputError, Room
+from sonarhw.export import write_csv
 from sonarhw.log import read_log
 from sonarhw.log.writer import write_scan
 from sonarhw.readings import FloatArray, moved_by, step_between
@@ -196,3 +197,46 @@ def test_a_robot_that_was_carried_away_is_lost_and_found_again() -> None:
 def test_a_scan_without_poses_is_not_tracked(room: Room) -> None:
     with pytest.raises(InputError, match=r"4 readings are without a pose; expected the odometry of a robot"):
         sonarhw.track(sonarhw.scan_from_arrays(HEADINGS, np.ones(4)), room, "paper", (1, 1))
+
+
+ROWS = "12,90,150,0.5,-1.25,30\n13,270,,0.75,-1,90\n14,0,30,,,\n"
+PLACED = [(0.5, -1.25, math.radians(30)), (0.75, -1.0, math.radians(90)), None]
+
+
+@pytest.mark.parametrize(
+    ("text", "options"),
+    [
+        ("t_s,heading_deg,range_cm,x_m,y_m,yaw_deg\n" + ROWS, {}),
+        (
+            "t,a,b,px,py,turn\n" + ROWS,
+            {"heading": "a", "range": "b", "unit": "cm", "x": "px", "y": "py", "yaw": "turn"},
+        ),
+    ],
+    ids=["header", "named columns"],
+)
+def test_text_states_the_pose_of_each_reading(text: str, options: dict[str, str], tmp_path: Path) -> None:
+    (tmp_path / "drive.txt").write_text(text)
+    readings = sonarhw.import_scan(tmp_path / "drive.txt", sonarhw.ImportOptions(**options)).readings
+    assert [reading.pose for reading in readings] == [pose and pytest.approx(pose) for pose in PLACED]
+    assert [reading.range for reading in readings] == [pytest.approx(1.5), None, pytest.approx(0.3)]
+
+
+def test_units_of_a_pose_are_those_of_its_columns(tmp_path: Path) -> None:
+    (tmp_path / "drive.csv").write_text("deg,range_m,x_cm,y_mm,yaw_rad\n0,1,50,-1250,0.5\n90,1,50,-1250,0.5\n")
+    readings = sonarhw.import_scan(tmp_path / "drive.csv").readings
+    assert [reading.pose for reading in readings] == [pytest.approx((0.5, -1.25, 0.5))] * 2
+
+
+def test_an_exported_drive_is_imported_with_its_poses(tmp_path: Path) -> None:
+    scan = driven()
+    sonarhw.save_scan(scan, tmp_path / "drive.mcap")
+    with (tmp_path / "drive.csv").open("wb") as file:
+        write_csv(read_log(tmp_path / "drive.mcap"), file, {})
+    readings = sonarhw.import_scan(tmp_path / "drive.csv").readings
+    assert [reading.pose for reading in readings] == [pytest.approx(one.pose, abs=1e-6) for one in scan.readings]
+
+
+def test_a_pose_needs_three_columns(tmp_path: Path) -> None:
+    (tmp_path / "drive.csv").write_text("deg,m,px\n0,1,2\n")
+    with pytest.raises(InputError, match="x=px: expected the columns of x, y and yaw"):
+        sonarhw.import_scan(tmp_path / "drive.csv", sonarhw.ImportOptions(heading="deg", range="m", x="px"))
