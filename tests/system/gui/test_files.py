@@ -23,10 +23,8 @@ from sonarhw_gui.jobs.files import (
     DATA,
     PICTURES,
     Documents,
-    FileWatch,
     list_recordings,
     save_file,
-    with_own_coordinates,
     write_data,
     write_svg,
 )
@@ -489,24 +487,6 @@ def test_instead_of_overwriting_a_changed_room_file_it_is_reloaded_and_the_edits
     assert session.shown.scene.room.text == mine
 
 
-def test_each_change_is_reported_once_and_a_missing_file_is_awaited(tmp_path: Path) -> None:
-    path, files = tmp_path / "room.toml", FileWatch()
-    path.write_text("a")
-    files.watch("room", path)
-    assert not list(files.changed(0.0))
-    path.write_text("longer")
-    assert not list(files.changed(0.5))  # looks once a second
-    assert list(files.changed(1.0)) == [("room", path)]
-    assert not list(files.changed(2.0))
-    path.unlink()
-    assert not list(files.changed(3.0))
-    path.write_text("again and longer")
-    assert [what for what, _ in files.changed(4.0)] == ["room"]
-    files.watch("room", None)
-    path.write_text("unseen")
-    assert not list(files.changed(5.0))
-
-
 # saved
 
 
@@ -552,16 +532,6 @@ def test_views_and_the_window_are_saved_as_png_and_as_svg(window: MainWindow, tm
     until(lambda: window.views.stage.width() > before)
     save(window, tmp_path / "both.png", "Ctrl+P")
     assert QImage(str(tmp_path / "both.png")).width() == 2 * window.views.side_by_side.width()
-
-
-def test_lines_of_an_svg_have_coordinates_of_their_own() -> None:
-    scaled = """<svg xmlns="http://www.w3.org/2000/svg"><g transform="matrix(2,0,0,-10,5,1)">
-        <path vector-effect="non-scaling-stroke" d="M0,0 L1.5,-2e-1"/><polyline vector-effect="x" points="1,1 3,4 "/>
-        <rect vector-effect="non-scaling-stroke" x="1" y="2" width="3" height="1"/></g></svg>"""
-    path, line, box = ElementTree.fromstring(with_own_coordinates(scaled))[0]
-    assert path.get("d") == "M5,1 L8,3"
-    assert line.get("points") == "7,-9 11,-39 "
-    assert box.get("d") == "M7,-19 L13,-19 L13,-29 L7,-29 Z"
 
 
 def test_exported_data_and_notes_equal_those_of_the_command_line_and_the_report_contains_the_scan(

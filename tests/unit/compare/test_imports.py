@@ -177,19 +177,6 @@ def test_medians_of_the_same_pings_are_no_means(seed: int) -> None:
     assert likely_pings([cut_off(np.median(windows(seed, 5), axis=1))], 0.01) is None
 
 
-@pytest.mark.parametrize("seed", range(20))
-def test_measured_ranges_between_two_walls_are_no_means(seed: int) -> None:
-    random = np.random.default_rng(seed)
-    between = random.uniform(0.55, 2.05, (9, 4))
-    scan = [part for several in between for part in ([0.5] * 8, several, [2.1] * 8)]
-    assert likely_pings([cut_off(np.concatenate(scan))], 0.01) is None
-
-
-def test_one_mean_that_several_readings_have_is_no_proof() -> None:
-    scan = [0.50] * 8 + [0.80] * 4 + [2.00] * 8
-    assert likely_pings([np.array(scan * 3)], 0.01) is None
-
-
 def test_silence_without_a_number_is_in_no_mean() -> None:
     ranges = cut_off(windows(1, 5).mean(axis=1))
     ranges[ranges == SILENT] = math.nan

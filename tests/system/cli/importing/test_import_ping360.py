@@ -90,24 +90,6 @@ def test_messages_of_blue_robotics_own_library_are_read(tmp_path: Path) -> None:
         assert (reading.trace.samples * 255).round().tolist() == [255, 5, 5, 5, 220, 9, 5, 5]
 
 
-def in_script(text: bytes, zero: str) -> bytes:
-    """The log with times in the digits of another script, in UTF-16."""
-    for digit in range(10):
-        text = text.replace(str(digit).encode("utf-16-be"), chr(ord(zero) + digit).encode("utf-16-be"))
-    return text
-
-
-@pytest.mark.parametrize("zero", ["\u06f0", "\u0660", "\u0966"])
-def test_times_in_digits_of_any_script_are_read(tmp_path: Path, zero: str) -> None:
-    log = ping360_log(
-        *((time, profile(100, ringing(400), automatic=True)) for time in ("00:00:01.000", "00:00:01.250"))
-    )
-    head, body = log[:160], log[160:]
-    assert ping360(tmp_path, head + in_script(body, zero)) == 0
-    first, second = read_log(tmp_path / "out.mcap").readings
-    assert second.time - first.time == pytest.approx(0.25, abs=1e-5)
-
-
 def test_damaged_messages_are_left_out_and_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A quarter of the messages is damaged: a bit, a length, the time, a cut; all others are read."""
     rng = np.random.default_rng(5)
@@ -167,11 +149,3 @@ def test_a_wrong_ping360_log_is_refused_in_one_line(
     assert message in error
     assert error.count("\n") == 1
     assert not (tmp_path / "out.mcap").exists()
-
-
-def test_more_samples_than_fit_into_memory_are_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("sonarhw_compare.foreign_rows.MOST_SAMPLES", 1500)
-    assert ping360(tmp_path, LOG_360) == 2
-    assert "traces of more than 1500 samples; split it into several files" in capsys.readouterr().err

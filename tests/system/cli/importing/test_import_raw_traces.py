@@ -56,18 +56,6 @@ def test_raw_traces_are_readings_a_step_apart(tmp_path: Path, suffix: str) -> No
         assert reading.trace.samples == pytest.approx(samples, abs=1 / 127)
 
 
-def test_text_has_room_for_the_longest_traces_and_not_for_longer_ones(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    file, out = tmp_path / "raw.csv", tmp_path / "out.mcap"
-    command = ["import", str(file), "--out", str(out), "--rate", "1e6"]
-    for count, status in ((65_535, 0), (75_000, 2)):
-        np.savetxt(file, -0.123456789 * np.ones((2, count)), delimiter=",")
-        assert run([*command, "--force"]) == status
-    assert "has more than" in capsys.readouterr().err
-    assert [len(one.trace.samples) for one in read_log(out).readings if one.trace is not None] == [65_535] * 2
-
-
 @pytest.mark.parametrize(
     ("table", "message"),
     [

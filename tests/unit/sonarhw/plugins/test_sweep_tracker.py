@@ -11,7 +11,6 @@ from sonarhw.plugins.device_plugin import Measurement
 from sonarhw.plugins.sweep_tracker import SweepTracker
 
 UP, DOWN = [*range(15, 166)], [*range(165, 14, -1)]
-TURN = [*range(0, 360, 5)]
 
 
 def at(degrees: float, restarted: bool = False) -> Measurement:
@@ -28,40 +27,6 @@ def tracked(angles: list[float], sweeps: int = 100) -> list[tuple[int, int]]:
 
 def of(sweep: int, placed: list[tuple[int, int]]) -> list[int]:
     return [angle for number, angle in placed if number == sweep]
-
-
-@pytest.mark.parametrize("start", [0, 1, 40, 149, 150, 151, 200, 301])
-def test_a_servo_that_prints_its_ends_twice_gives_whole_sweeps_from_any_start(start: int) -> None:
-    rounds = 4 * (UP + DOWN)
-    placed = tracked(rounds[start:], sweeps=2)
-    assert sorted(of(0, placed)) == UP
-    assert sorted(of(1, placed)) == UP
-    assert len(placed) == 2 * len(UP)
-
-
-@pytest.mark.parametrize("start", [1, 40, 149, 150, 151, 200, 299])
-def test_a_servo_that_prints_its_ends_once_misses_no_angle(start: int) -> None:
-    rounds = 4 * (UP + DOWN[1:-1])
-    placed = tracked(rounds[start:], sweeps=2)
-    assert set(UP) - set(of(0, placed)) <= {15, 165}
-    assert len(of(0, placed)) == len(set(of(0, placed)))
-
-
-@pytest.mark.parametrize("start", range(0, 72, 7))
-def test_a_turntable_that_turns_on_gives_a_turn_from_any_start(start: int) -> None:
-    placed = tracked((4 * TURN)[start:], sweeps=2)
-    for sweep in (0, 1):
-        assert sorted(of(sweep, placed)) == TURN
-        assert of(sweep, placed)[0] == TURN[start]
-
-
-@pytest.mark.parametrize("start", [0, 20])
-def test_a_device_that_jumps_back_gives_whole_sweeps(start: int) -> None:
-    once = [*range(0, 271, 3)]
-    placed = tracked((3 * once)[start:], sweeps=1)
-    assert of(0, placed) == once
-    # a scan that begins at the start of a sweep does not wait for the next one
-    assert len(placed) == len(once)
 
 
 def test_a_sector_through_zero_is_one_sweep() -> None:
