@@ -1,6 +1,6 @@
 """Fuzzed inputs of every command: no traceback, one line for an error, no harmed or partial file, no waste.
 
-A normal run uses 20 inputs, with `--soak` 5000. Each has at most 10 s of processor time (60 s for a fit or a map) and
+A normal run uses 20 inputs, with `--soak` 5000. Each has at most 10 s of processor time (180 s for a search) and
 1 GB. `python -m tests.soak.fuzz NUMBER 1` repeats an input.
 """
 

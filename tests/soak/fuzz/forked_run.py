@@ -19,7 +19,7 @@ from tests.hang_guard import HANG
 from tests.soak.fuzz.command_lines import Case
 from tests.soak.fuzz.foreign_files import EXECUTED
 
-PROCESSOR, SLOW_PROCESSOR = 10, 60  # s, for one command
+PROCESSOR, SLOW_PROCESSOR = 10, 180  # s, for one command
 MEMORY = 1 << 30  # bytes, of one command
 _UNTIL_STOPPED = 0.3  # s before an endless command is stopped, if it prints nothing
 _STATUSES = (0, 1, 2, 130)

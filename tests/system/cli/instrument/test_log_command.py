@@ -64,7 +64,9 @@ def test_export_writes_arrays_and_logs_with_the_same_readings(log: Path, tmp_pat
         assert arrays["trace_rate_hz"] == pytest.approx([50_000] * 4)
 
 
-def test_recover_repairs_a_torn_log_and_prints_what_was_lost(torn: Path, tmp_path: Path) -> None:
+def test_recover_repairs_a_torn_log_and_prints_what_was_lost(
+    torn: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     recovered = tmp_path / "recovered.mcap"
     text = printed("log", "recover", torn, "--out", recovered)
     lost = "3 readings in 1 scan; 1 of 4 readings is missing"
@@ -76,6 +78,10 @@ def test_recover_repairs_a_torn_log_and_prints_what_was_lost(torn: Path, tmp_pat
     text = printed("log", "info", recovered)
     assert "3 of 4 readings, 2 with an echo" in text
     assert "; the scan was not finished\n" in text
+    monkeypatch.setattr("sonarhw.log.reader.LATEST", read_log(recovered).metadata.started)
+    clamped = sonarhw("log", "recover", recovered, "--out", tmp_path / "clamped.mcap").stderr
+    assert " times are impossible, and replaced by the time before" in clamped
+    assert len(read_log(tmp_path / "clamped.mcap").readings) == 3
 
 
 def test_recover_continues_after_a_damaged_part(tmp_path: Path) -> None:

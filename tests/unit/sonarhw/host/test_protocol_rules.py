@@ -111,6 +111,13 @@ def test_settings_that_measure_nothing_are_refused(settings: dict[str, int], rul
     assert rule in str(bench.run(configuring(SETTINGS)).error)
 
 
+def test_another_count_of_starts_is_a_reset_also_of_a_clock_that_goes_on() -> None:
+    starts = iter([0, 0, 1])
+    bench, scan = scan_with(lambda m: replace(m, boot=m.boot + next(starts, 0)) if isinstance(m, Heartbeat) else m)
+    assert (scan.error, len(scan.readings)) == (None, 36)
+    assert bench.session.statistics.losses == 1
+
+
 def test_counts_in_heartbeats_and_finished_beyond_the_scan_are_harmless() -> None:
     def far(message: Message) -> Message:
         return replace(message, readings=2**32 - 1) if isinstance(message, Heartbeat | Finished) else message
