@@ -36,7 +36,7 @@ class Turning:
         since = len(self.talk.received)
         for angle in degrees:
             now = self.talk.clock()
-            self.device.take(Arrival(arrived or now, b"", (Measurement(math.radians(angle), (1.0,)),)), now)
+            self.device.take(Arrival(arrived or now, b"", (Measurement(math.radians(angle), (2.0, 1.0)),)), now)
             self.talk.quiet(0.1)
         return readings(self.talk.messages(since))
 
@@ -48,6 +48,7 @@ def test_the_number_of_readings_is_stated_at_the_end() -> None:
     turning.talk.answer(Stop())
     made = readings(turning.talk.messages())
     assert [reading.number for reading in made] == [*range(len(made))]
+    assert all(reading.echoes[0] < reading.echoes[1] for reading in made)  # also if a plug-in does not sort them
     ends = [(type(one), one.readings) for one in turning.talk.messages()[1:] if isinstance(one, Started | Finished)]
     assert ends[1:] == [(Started, len(made)), (Finished, len(made))]
     assert turning.orders[-1] is None
