@@ -297,13 +297,15 @@ def _scene(request: _Request, begin_at: str | None = None) -> "Scene":
     from sonarhw_gui.model.scene import first_place, scene_with
     from sonarhw_sim.board.profile import load_board
     from sonarhw_sim.files import file_name
-    from sonarhw_sim.room.room import load_room
+    from sonarhw_sim.room.room import load_room, typed_place
+
+    from sonarhw_cli.inputs import place_without_room
 
     board = load_board(request.board or DEFAULT_BOARD)
     if request.room is None:
-        if request.place is not None:
-            raise InputError("--place needs --room: the window shows a place in a room")
-        return scene_with(board)
+        if request.place is None:
+            return scene_with(board)
+        return scene_with(board, place=typed_place(place_without_room(request.place)))
     room = load_room(request.room)
     if request.place is None and begin_at is not None:
         place = room.places.get(begin_at) or first_place(room)
@@ -330,6 +332,9 @@ def _log_scene(log: "Log", request: _Request) -> "Scene":
     from sonarhw_compare.scans import board_of_log
     from sonarhw_gui.model.scene import begin_of, scene_of_log
     from sonarhw_sim.board.profile import load_board
+    from sonarhw_sim.room.room import typed_place
+
+    from sonarhw_cli.inputs import place_without_room
 
     board = board_of_log(log.metadata) if request.board is None else load_board(request.board)
     if request.room is not None:
@@ -339,8 +344,10 @@ def _log_scene(log: "Log", request: _Request) -> "Scene":
     scene = replace(scene_of_log(log.metadata, log.readings), board=board)
     if request.place is None:
         return scene
+    if scene.room is None and typed_place(request.place) is None:
+        raise InputError(f"--place {request.place}: the log contains no room; give one with --room, or write X,Y,DEG")
     if scene.room is None:
-        raise InputError(f"--place {request.place}: the log contains no room; give one with --room")
+        return replace(scene, place=typed_place(place_without_room(request.place)))
     return replace(scene, place=scene.room.place(request.place))
 
 

@@ -216,6 +216,7 @@ def utf16_of(start: bytes) -> str | None:
 
 _SPACES = " \r\n\v\f"
 _MOST_FOREIGN = 0.25  # share of bytes above 127 in a text in cp1252
+_FEWEST_FOREIGN = 5  # bytes of a line in cp1252; fewer are noise
 
 
 def text_of(raw: bytes) -> tuple[str | None, str]:
@@ -223,29 +224,30 @@ def text_of(raw: bytes) -> tuple[str | None, str]:
 
     A tab at the end stays: an empty cell follows it.
     """
-    try:
-        line, encoding = raw.decode("utf-8").replace("\ufeff", "").lstrip().rstrip(_SPACES), "utf-8"
-    except UnicodeDecodeError:
-        if sum(byte > 127 for byte in raw) > max(1, _MOST_FOREIGN * len(raw)) or len(raw) < _FEWEST_FOREIGN:
-            return None, "utf-8"
-        line, encoding = raw.decode("cp1252", "replace").lstrip().rstrip(_SPACES), "cp1252"
+    encoding = _encoding(raw, whole=True)
+    if encoding is None or (encoding == "cp1252" and len(raw) < _FEWEST_FOREIGN):
+        return None, "utf-8"
+    line = raw.decode(encoding, "replace").replace("\ufeff", "").lstrip().rstrip(_SPACES)
     plain = line.replace("\t", " ").replace("\r", " ").replace("\n", " ")
     return (line, encoding) if plain.isprintable() and "\ufffd" not in line else (None, "utf-8")
-
-
-_FEWEST_FOREIGN = 5  # bytes of a line in cp1252; fewer are noise
 
 
 def encoding_of(start: bytes) -> str:
     """Return the encoding of a text by its first bytes; UTF-8 if they are no text in any."""
     if utf16_of(start):
         return "utf-16"
+    is_text = not any(byte < 32 and byte not in b"\t\r\n" for byte in start)
+    return "cp1252" if is_text and _encoding(start, whole=False) == "cp1252" else "utf-8-sig"
+
+
+def _encoding(raw: bytes, whole: bool) -> str | None:
+    """Return UTF-8, or cp1252 if few bytes are above 127; None if it is neither.
+
+    If it is not `whole`, a part of the last character may be missing.
+    """
     try:
-        codecs.getincrementaldecoder("utf-8")().decode(start)
+        codecs.getincrementaldecoder("utf-8")().decode(raw, final=whole)
     except UnicodeDecodeError:
-        foreign = sum(byte > 127 for byte in start)
-        is_text = foreign <= _MOST_FOREIGN * len(start) and not any(
-            byte < 32 and byte not in b"\t\r\n" for byte in start
-        )
-        return "cp1252" if is_text else "utf-8-sig"
-    return "utf-8-sig"
+        foreign = sum(byte > 127 for byte in raw)
+        return "cp1252" if foreign <= max(1, _MOST_FOREIGN * len(raw)) else None
+    return "utf-8"

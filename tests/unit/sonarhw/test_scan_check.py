@@ -32,6 +32,10 @@ def box(degrees: FloatArray, x: float = 1.9, y: float = 1.3) -> FloatArray:
 ROOM = box(HEADINGS)
 RANDOM = np.random.default_rng(1)
 THIRD = RANDOM.random(len(HEADINGS)) < 1 / 3
+FINE = np.arange(0.0, 360.0, 2.0)
+NOISY = np.where(
+    np.arange(len(FINE)) % 3, box(FINE), box(FINE) * np.random.default_rng(2).uniform(0.3, 0.85, len(FINE))
+)
 SIDE = np.arange(0.0, 180.0, 6.0)  # a sweep of a servo
 BACK = scan(SIDE, box(SIDE)) + scan(SIDE, box(SIDE)[::-1], sweep=1)
 
@@ -49,6 +53,8 @@ BACK = scan(SIDE, box(SIDE)) + scan(SIDE, box(SIDE)[::-1], sweep=1)
         (scan(HEADINGS, np.full(len(HEADINGS), np.nan)), ["no echo"]),
         (scan(HEADINGS, np.where(THIRD, 0.47, ROOM)), ["one range"]),
         (scan(HEADINGS, np.full(len(HEADINGS), 0.47) + 0.001 * RANDOM.random(len(HEADINGS))), ["one range"]),
+        (scan(FINE, NOISY), ["scattered"]),
+        (scan(FINE, box(FINE)), []),
         (scan(HEADINGS, np.where(THIRD, 4.0, ROOM)), ["largest range"]),
         (scan(HEADINGS, np.where(THIRD, 0.0, ROOM)), ["largest range"]),
         (scan(np.round(np.radians(HEADINGS), 4), ROOM), ["angles"]),
