@@ -15,6 +15,7 @@ from sonarhw.errors import CommandRefused, DeviceError, InputError, LinkLost, So
 from sonarhw.host.scanner import DeviceCapabilities, DeviceInfo, Scanner
 from sonarhw.link import LinkStatistics, serial_ports
 from sonarhw.readings import Reading, ScanOrder, pings_in_place, sector
+from sonarhw.scan_check import most_common_range
 from sonarhw.wire.limits import PROTOCOL_MAJOR, PROTOCOL_MINOR
 from sonarhw.wire.messages import Feature, Input, ResetCause, Statistics
 
@@ -22,7 +23,6 @@ from sonarhw.wire.messages import Feature, Input, ResetCause, Statistics
 
 
 COLDEST, HOTTEST = -20.0, 60.0  # °C; outside, a wire is wrong rather than the air
-SAME_TIME = 3e-6  # s; half a millimetre of range
 MOST_AT_ONE_TIME = 0.65  # of the headings
 BURST_END = 0.003  # s; later signals in a trace are echoes, not the burst itself
 SAME_ECHO = 0.05  # of the time; more is another echo
@@ -171,7 +171,7 @@ def echo_moves(readings: Sequence[Reading], marked: bool) -> Diagnosis:
     times = [reading.echo_times[0] for reading in readings if reading.echo_times]
     if len(times) < len(readings) / 2 or len(times) < 3:
         return skipped("echo moves", f"{len(times)} of {len(readings)} headings have an echo")
-    same = sum(abs(time - float(np.median(times))) < SAME_TIME for time in times)
+    _, same = most_common_range(np.array([reading.echo_ranges[0] for reading in readings if reading.echo_times]))
     if same >= MOST_AT_ONE_TIME * len(times):
         advice = (
             "this is noise on INIT or on the supply, not a wall: keep INIT away from the wires of the motor, and put "
