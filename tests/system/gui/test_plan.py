@@ -5,7 +5,6 @@ import itertools
 import math
 import threading
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -431,15 +430,6 @@ def test_walls_and_posts_are_added_by_typed_coordinates_and_an_impossible_one_is
     assert tools.message.fontMetrics().horizontalAdvance(plan.message) < tools.message.width()
 
 
-def test_without_a_room_an_edit_is_rejected_with_a_message(plan: Plan, scene: Scene) -> None:
-    plan.session.set_scene(replace(scene, room=None, place=None))
-    plan.key("W")
-    plan.drag((0.1, 0.1), (0.5, 0.5))
-    assert "open a room file" in plan.message
-    plan.key("Shift+Left")
-    assert plan.shown.scene.room is None
-
-
 # paths and arrows
 
 
@@ -712,9 +702,3 @@ def test_one_plan_shows_readings_the_other_the_prediction_with_common_pan_zoom_a
     drag(other, other.plot.vb, (x, y), (0.5, 0.3))
     until(lambda: predicted(window))
     until(lambda: all(v.sensor._sensor.getData()[0][0] == pytest.approx(0.5, abs=0.005) for v in (one, other)))
-
-
-def test_the_legend_explains_what_is_drawn(measured: Plan) -> None:
-    explained = measured.window.legend.explained
-    visible = {name for name, entry in explained.items() if entry.isVisible() and entry.toolTip()}
-    assert visible == {"wall", "sensor", "turntable zero", "newest", "selected", "pointer"}

@@ -24,7 +24,7 @@ from sonarhw_compare.rooms import search as unknown_poses
 from sonarhw_compare.two_scans import ScanChange
 from sonarhw_gui.jobs import searches
 from sonarhw_gui.jobs.searches import ACCURACIES, FindState, RoomAnswer, fitted
-from sonarhw_gui.model.edits import sensor_at, with_board
+from sonarhw_gui.model.edits import sensor_at
 from sonarhw_gui.model.rows import CLASSES
 from sonarhw_gui.model.scene import Scene, scene_with
 from sonarhw_gui.model.shown import SHOWN
@@ -401,22 +401,6 @@ def test_a_rejected_wall_is_not_found_again(corner: WindowSession) -> None:
     finding.go_on(EXACT)
     until(lambda: not finding.state.running)
     assert (has_wall(finding.state, EAST), has_wall(finding.state, NORTH)) == (False, True)
-
-
-def test_what_cannot_be_searched_is_reported_until_it_has_changed(corner: WindowSession, folder: Path) -> None:
-    def refused(message: str) -> None:
-        corner.finding.start(EXACT)
-        until(lambda: message in corner.notices.shown.text)
-        assert not corner.finding.state.running
-
-    with_added(corner, folder / "a.mcap")
-    refused("contain the same readings")
-    corner.scans.remove(1)
-    until(lambda: corner.notices.shown.text == "")
-    corner.showing.edit(*with_board(corner.shown.scene, load_board("hc-sr04")))
-    refused("is of board 'hc-sr04'")
-    corner.showing.undo()
-    until(lambda: corner.notices.shown.text == "")
 
 
 def test_places_are_as_well_known_as_the_user_says(
