@@ -303,7 +303,7 @@ class _Stated:
 
     takes_orders: bool
     identity: DeviceIdentity | SonarError
-    ignored: dict[str, int]
+    ignored: dict[str, int] | SonarError
     notes: tuple[str, ...] | SonarError
     diagnosis: str | SonarError
 
@@ -409,7 +409,7 @@ class _PluginApart(DevicePlugin):
     @property
     def ignored(self) -> Mapping[str, int]:
         """What was no measurement."""
-        return self._stated.ignored
+        return _result(self._stated.ignored)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -501,19 +501,19 @@ def _serve(received: "SimpleQueue[_Call | None]", answers: BinaryIO) -> None:
             result = _plain(error, url, origin)
         before = stated
         if plugin is not None:
-            stated = _statements(plugin, before.identity if before and name != "open" else None)
+            stated = _statements(plugin, origin, before.identity if before and name != "open" else None)
         pickle.dump((number, result, None if stated == before else stated), answers)
         answers.flush()
 
 
-def _statements(plugin: CheckedPlugin, identity: DeviceIdentity | SonarError | None) -> _Stated:
+def _statements(plugin: CheckedPlugin, origin: str, identity: DeviceIdentity | SonarError | None) -> _Stated:
     """Return what a plug-in states, with this identity unless it is None."""
 
     def stated(name: str) -> Any:
         try:
             return getattr(plugin, name)
-        except SonarError as error:
-            return _plain(error, "", "")
+        except BaseException as error:  # noqa: BLE001 - raised again where it is used
+            return _plain(error, plugin.url, origin)
 
     identity = stated("identity") if identity is None else identity
     return _Stated(plugin.takes_orders, identity, stated("ignored"), stated("notes"), stated("diagnosis"))

@@ -26,7 +26,7 @@ _STATUSES = (0, 1, 2, 130)
 _CRASHED = 70
 _OUT, _ERR = ".stdout", ".stderr"
 _LINES = re.compile(r"sonarhw: .*\n")
-_WARNINGS = re.compile(r"(sonarhw: warning: .*\n)*")
+_WARNINGS = re.compile(r"((sonarhw: warning|ignored|--place .*): .*\n|the unit is assumed.*\n)*")  # and notes
 _PYTHON = re.compile(r"Traceback|\w+Warning: |Exception ignored|\.py:\d+")
 
 

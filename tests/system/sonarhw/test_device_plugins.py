@@ -262,9 +262,9 @@ class Spoiled(DevicePlugin):
 
     identity = DeviceIdentity("spoiled")
 
-    def __init__(self, bad: object, only_bad: bool = False) -> None:
+    def __init__(self, bad: object) -> None:
         super().__init__("spoiled:")
-        self._bad, self._only_bad, self._count = bad, only_bad, 0
+        self._bad, self._count = bad, 0
 
     def open(self) -> None:
         """Do nothing."""
@@ -272,8 +272,7 @@ class Spoiled(DevicePlugin):
     def read(self) -> list[Measurement]:
         time.sleep(0.001)
         self._count += 1
-        good = [] if self._only_bad else [Measurement(math.radians(abs(self._count % 20 - 10)), (1.0,))]
-        return [*good, self._bad]  # type: ignore[list-item]  # a defect
+        return [Measurement(math.radians(abs(self._count % 20 - 10)), (1.0,)), self._bad]  # type: ignore[list-item]  # a defect
 
     def close(self) -> None:
         """Do nothing."""
@@ -297,6 +296,16 @@ def test_a_bad_measurement_is_skipped_and_counted_by_its_kind(bad: object, kind:
     assert [len(plugin.read()[1]) for _ in range(5)] == [1] * 5
     assert plugin.ignored == {kind: 5}
     assert f"returns {kind} (5)" in str(plugin.no_reading("within 1 s"))
+
+
+def test_a_device_that_falls_silent_ends_its_scan(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Silent(Spoiled):
+        def read(self) -> list[Measurement]:
+            return super().read()[:1] if self._count < 100 else []
+
+    monkeypatch.setattr(plugin_device, "SILENCE", 0.2)
+    with open_device(Silent(None)) as scanner, pytest.raises(DeviceError, match=r"no reading for 0\.2 s"):
+        list(scanner.scan(ScanOrder(0.0, 1.0, 1, 1000)))
 
 
 def test_a_scan_keeps_its_good_measurements() -> None:
