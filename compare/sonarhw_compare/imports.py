@@ -158,8 +158,9 @@ class ImportedScan(GivenScan):
         readings = self.readings if board is None else without_own_body(board.own_body, self.readings)
         reach = ANY_BOARD if board is None else reach_of(board)
         texts = []
+        of_traces = all(reading.trace is not None for reading in readings)  # which have echoes only with a threshold
         for doubt in check_scan(readings, reach, self.silent):
-            if doubt.kind == "means" and self.mean_of is not None:
+            if (doubt.kind == "means" and self.mean_of is not None) or (doubt.kind == "no echo" and of_traces):
                 continue
             text = str(doubt)
             if doubt.silent is not None:
