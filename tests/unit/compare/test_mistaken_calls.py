@@ -138,6 +138,7 @@ CALLS: list[tuple[Callable[..., Any], dict[str, Any], dict[str, str]]] = [
     ),
     (sonarhw.load_room, {}, {"name": "file"}),
     (sonarhw.import_room, {}, {"file": "file"}),
+    (sonarhw.import_scan, {"file": "scan.csv"}, {"file": "file", "options": "options"}),
     (sonarhw.load_board, {}, {"name": "file"}),
     (sonarhw.load_study, {}, {"path": "file"}),
     (sonarhw.read_study, {}, {"folder": "file"}),
