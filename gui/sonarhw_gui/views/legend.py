@@ -158,7 +158,7 @@ FOUND, SPEAKING = "wall found", {"for it": "speaking_for", "against it": "agains
 _SOLID, _DASHED = Qt.PenStyle.SolidLine, Qt.PenStyle.DashLine
 _ENTRIES: dict[Class | ViewLayer, _Entry] = {
     **{
-        kind: _Entry(partial(mark_picture, kind), f"{ORIGIN}: {MARKS[kind].name}", MARKS[kind].meaning)
+        kind: _Entry(partial(mark_picture, kind), MARKS[kind].name, MARKS[kind].meaning)
         for kind in Kind
         if kind in MARKS
     },
@@ -166,7 +166,7 @@ _ENTRIES: dict[Class | ViewLayer, _Entry] = {
         partial(mark_picture, Unclassed.MEASURED), ORIGIN, "a reading; there is no room to compare it with"
     ),
     ViewLayer.TRACE: _Entry(
-        partial(line_picture, "measured", _SOLID, 2), f"{ORIGIN} trace", "the received signal that the board recorded"
+        partial(line_picture, "measured", _SOLID, 2), "trace", "the received signal that the board recorded"
     ),
     ViewLayer.PREDICTED: _Entry(
         partial(line_picture, "predicted", _SOLID, 2),
@@ -261,7 +261,6 @@ class Legend(QWidget):
         for button in self.explained.values():
             row.addWidget(button)
         self._unused: set[QToolButton] = set()  # entries of what is not drawn now
-        self._low = False
         self.more = QToolButton(autoRaise=True)
         self.more.setCheckable(True)
         self.more.setToolTip("Show the whole legend, or one line of it")
@@ -301,24 +300,18 @@ class Legend(QWidget):
             self._draw()
             self._fold()
 
-    def set_low(self, low: bool) -> None:
-        """Keep to one line if the window is `low`; a button shows the other entries."""
-        if low is not self._low:
-            self._low = low
-            self._fold()
-
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Choose the entries of a single line again."""
         super().resizeEvent(event)
-        if self._low and event.oldSize().width() != self.width():
+        if event.oldSize().width() != self.width():
             self._fold()
 
     @Slot()
     def _fold(self) -> None:
-        """Show all entries in use; in a low window, only those that fit into one line, until `more` is pressed."""
+        """Show the entries in use that fit into one line, and all of them once `more` is pressed."""
         entries = [*self.entries.values(), *self.explained.values()]
         used = [entry for entry in entries if entry not in self._unused]
-        line = self._fitting(used) if self._low else len(used)
+        line = self._fitting(used) if self._switches else len(used)
         shown = len(used) if self.more.isChecked() else line
         for entry in entries:
             entry.setVisible(entry in used[:shown])

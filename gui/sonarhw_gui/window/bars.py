@@ -1,11 +1,14 @@
 """The bars around the views: banner, hint, status bar and toolbar."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from PySide6 import QtWidgets
 from PySide6.QtCore import QMargins, Qt, QTimer, Signal, Slot
 from PySide6.QtGui import QAction
+from sonarhw_compare.scanner_url import is_fake
 
+from sonarhw.errors import shortened
 from sonarhw.readings import Origin
 from sonarhw_gui.model.look import LIGHT, Look
 from sonarhw_gui.model.shown import Shown
@@ -324,16 +327,20 @@ def _short(path: Path) -> str:
     return f"~/{path.relative_to(home).as_posix()}" if path.is_relative_to(home) else str(path)
 
 
-# The toolbar: the most frequent commands, and the list of places.
+# The toolbar: room, place and scanner, each a menu, then the most frequent commands.
 
 
 _PLACE = 11  # characters of a place given as X,Y in metres, to the millimetre
+_LONGEST = 24  # characters of a name
+_ROOM_COMMANDS = "new_room", "open_room", "save_room", "close_room"
+_SCANNER_COMMANDS = "connect_scanner", "connect_fake", "home"
 
 
 class ToolBar(QtWidgets.QToolBar):
-    """The most frequent commands, and the list of places."""
+    """The room, the place and the scanner, and the most frequent commands."""
 
-    def __init__(self, commands: Commands) -> None:
+    def __init__(self, commands: Commands, shipped: QtWidgets.QMenu) -> None:
+        """`shipped`: the menu of shipped rooms."""
         super().__init__("Main", movable=False)
         self.setObjectName("toolbar")
         self.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
@@ -341,31 +348,35 @@ class ToolBar(QtWidgets.QToolBar):
         self.place = QtWidgets.QComboBox()
         self.place.setToolTip("Place of the scanner in the room")
         self.place.setMinimumContentsLength(_PLACE)
-        self.addActions([commands.open_room, commands.open_log, commands.connect_scanner])
+        self.room = _menu_button("The room of the prediction", [commands.actions[name] for name in _ROOM_COMMANDS])
+        self.room.menu().insertMenu(commands.save_room, shipped)
+        self.scanner = _menu_button(
+            "The scanner of the next scan", [commands.actions[name] for name in _SCANNER_COMMANDS]
+        )
+        self.addWidget(self.room)
+        self.addWidget(self.place)
+        self.addWidget(self.scanner)
         self.addSeparator()
         self.addActions([commands.scan, commands.stop])
+        self.addSeparator()
+        self.addAction(commands.open_log)
         self.addSeparator()
         self.addActions(commands.views)
         self.addSeparator()
         self.addAction(commands.fit)
-        self.addWidget(self._named_place())
         gap = QtWidgets.QWidget()
         gap.setSizePolicy(QtWidgets.QSizePolicy.Policy.Expanding, QtWidgets.QSizePolicy.Policy.Preferred)
         self.addWidget(gap)
         self.addAction(commands.switch_palette)
-
-    def _named_place(self) -> QtWidgets.QWidget:
-        """Return name and list in one part: on a narrow screen both move behind the arrow of the toolbar."""
-        part = QtWidgets.QWidget()
-        row = QtWidgets.QHBoxLayout(part)
-        row.setContentsMargins(0, 0, 0, 0)
-        row.addWidget(PlainLabel("  Place "))
-        row.addWidget(self.place)
-        return part
+        begin = self.widgetForAction(commands.scan)
+        style = f"background: {LIGHT.highlight}; color: white; border-radius: 4px; padding: 3px 14px"
+        begin.setStyleSheet(f"QToolButton:enabled {{ {style} }}")
 
     def show_state(self, shown: Shown) -> None:
-        """List the places of the room."""
-        names = [*shown.scene.room.places] if shown.scene.room else []
+        """Name the room, and list its places."""
+        room = shown.scene.room
+        self.room.setText(shortened(room.name, _LONGEST) if room else "No room")
+        names = [*room.places] if room else []
         here = shown.scene.pose.name
         if here and here not in names:
             names.append(here)  # a place given as X,Y
@@ -373,3 +384,21 @@ class ToolBar(QtWidgets.QToolBar):
             self.place.clear()
             self.place.addItems(names)
         self.place.setCurrentText(here)
+
+    def show_scanner(self, url: str | None) -> None:
+        """Name the scanner of the next scan; None: there is none."""
+        name = "No scanner" if url is None else "Fake scanner" if is_fake(url) else url or "Scanner"
+        self.scanner.setText(shortened(name, _LONGEST))
+        self.scanner.setToolTip(f"The scanner of the next scan: {url or name}")
+
+
+def _menu_button(tip: str, actions: Sequence[QAction]) -> QtWidgets.QToolButton:
+    """Return a button of the toolbar that opens a menu."""
+    button = QtWidgets.QToolButton()
+    button.setPopupMode(QtWidgets.QToolButton.ToolButtonPopupMode.InstantPopup)
+    button.setToolTip(tip)
+    button.setAccessibleName(tip)
+    menu = QtWidgets.QMenu(button)
+    menu.addActions(actions)
+    button.setMenu(menu)
+    return button

@@ -235,6 +235,12 @@ _MENUS: dict[str, Sequence[WindowCommand | str]] = {
     "": (),  # the menus of the views
     "Analyse": (
         WindowCommand("find_pose", "Find pose", "Ctrl+J", "Fit the pose of the scanner to its readings"),
+        WindowCommand(
+            "find_causes", "Find the cause", "Ctrl+Shift+J", "Search for changes of the room that explain the misfits"
+        ),
+        WindowCommand(
+            "list_echoes", "All echoes", "Ctrl+Shift+L", "List all echoes that the model predicts at this heading"
+        ),
         "analyses",
     ),
     "Replay": (

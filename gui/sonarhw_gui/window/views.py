@@ -87,9 +87,6 @@ def _title_bar(dock: OpenedDock) -> QtWidgets.QWidget:
     return bar
 
 
-# A window whose docks can be tabs, with their whole names.
-
-
 _SPACE = 9  # pixels, of a tab beside its name; that of Qt is 24
 
 
@@ -108,25 +105,9 @@ class _NarrowTabs(QtWidgets.QProxyStyle):
         return super().pixelMetric(metric, option, widget)
 
 
-class TabbedWindow(QtWidgets.QMainWindow):
-    """A main window that does not shorten the names of tabs. Tabs that do not fit scroll."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._tab_style = _NarrowTabs()  # a tab bar does not keep its style alive
-        self._tab_style.setParent(self)
-
-    def childEvent(self, event: QChildEvent) -> None:
-        """Set a new tab bar up; Qt makes them itself and would shorten a name to a letter."""
-        super().childEvent(event)
-        bar = event.child()
-        if event.polished() and isinstance(bar, QtWidgets.QTabBar):
-            bar.setStyle(self._tab_style)
-            bar.setElideMode(Qt.TextElideMode.ElideNone)
-            bar.setUsesScrollButtons(True)
-
-
 _LOW, _LOWEST = 850, 680  # pixels; on a lower screen, the small views share two stacks or one, instead of three
+_PANEL_HEIGHT = 0.45  # of the height of all views
+_LAYOUT = 1  # version of the arrangement: panels are docks of the views; Qt refuses an arrangement of another version
 _RIGHT = Qt.DockWidgetArea.RightDockWidgetArea
 _SIDES = (_RIGHT, Qt.DockWidgetArea.LeftDockWidgetArea)
 _V = TypeVar("_V", bound=View)
@@ -151,10 +132,11 @@ def _shares_in(saved: bytes) -> dict[int, float]:
     return {}
 
 
-class ViewArea(TabbedWindow):
+class ViewArea(QtWidgets.QMainWindow):
     """The views. A new view needs one line in `__init__`; menus, keys, gestures, pictures and repaints follow.
 
-    It is a main window inside the window, so that legend and sentence keep the whole width.
+    It is a main window inside the window. Its docks on the right hold the small views and the panels, so that no panel
+    takes width from the large view. Tabs have their whole names; those that do not fit scroll.
     """
 
     uncovered = Signal()  # a view became visible
@@ -162,9 +144,12 @@ class ViewArea(TabbedWindow):
 
     def __init__(self) -> None:
         super().__init__()
+        self._tab_style = _NarrowTabs()  # a tab bar does not keep its style alive
+        self._tab_style.setParent(self)
         self.setWindowFlags(Qt.WindowType.Widget)
         self.large: list[View] = []
         self.docks: list[OpenedDock] = []
+        self.panels: list[OpenedDock] = []
         self._stacks: list[list[OpenedDock]] = [[], [], []]
         self._restored = False  # whether the arrangement is that of an earlier session
         self._widths: dict[int, float] = {}  # share of each large view that the user has resized
@@ -177,7 +162,9 @@ class ViewArea(TabbedWindow):
         self.table = self._beside(TableView(), stack=2)
         self.echo_list = self._beside(EchoListView(), stack=2)
         self.differences = self._beside(DifferenceView(), stack=2)
-        self.setCentralWidget(self.stage)
+        self._column = QtWidgets.QWidget()
+        arranged(QtWidgets.QVBoxLayout(self._column), self.stage, rest=self.stage)
+        self.setCentralWidget(self._column)
         self.setDockNestingEnabled(True)
         self.setTabPosition(Qt.DockWidgetArea.AllDockWidgetAreas, QtWidgets.QTabWidget.TabPosition.North)
         self.stage.currentChanged.connect(self.uncovered)
@@ -203,6 +190,42 @@ class ViewArea(TabbedWindow):
     def openers(self) -> list[QAction]:
         """The actions that open and close the small views."""
         return [dock.opener for dock in self.docks]
+
+    def frame_large_view(self, above: QtWidgets.QWidget, below: QtWidgets.QWidget) -> None:
+        """Put a widget above the large view, and another one below it."""
+        column = cast(QtWidgets.QVBoxLayout, self._column.layout())
+        column.insertWidget(0, above)
+        column.addWidget(below)
+
+    def bring_to_front(self, view: View) -> None:
+        """Open a small view in front of the others."""
+        next(dock for dock in self.docks if dock.widget() is view).bring_to_front()
+
+    def add_panel(self, panel: OpenedDock) -> None:
+        """Add a panel as a tab behind the lowest small views."""
+        self.panels.append(panel)
+        self._put_panel(panel)
+
+    def make_room(self, panel: OpenedDock) -> None:
+        """Give a panel that opens a useful height."""
+        least = round(_PANEL_HEIGHT * self.height())
+        if not panel.isFloating() and panel.height() < least:
+            self.resizeDocks([panel], [least], Qt.Orientation.Vertical)
+
+    def _put_panel(self, panel: OpenedDock) -> None:
+        lowest = next(stack for stack in reversed(self._stacks) if stack)
+        self.addDockWidget(_RIGHT, panel)
+        self.tabifyDockWidget(lowest[-1], panel)
+        lowest[0].raise_()
+
+    def childEvent(self, event: QChildEvent) -> None:
+        """Set a new tab bar up; Qt makes them itself and would shorten a name to a letter."""
+        super().childEvent(event)
+        bar = event.child()
+        if event.polished() and isinstance(bar, QtWidgets.QTabBar):
+            bar.setStyle(self._tab_style)
+            bar.setElideMode(Qt.TextElideMode.ElideNone)
+            bar.setUsesScrollButtons(True)
 
     def connect_gestures(self, showing: ShownModel) -> None:
         """Connect the user actions of all views with the session."""
@@ -261,34 +284,38 @@ class ViewArea(TabbedWindow):
         """Put all small views back in their stacks on the right: three, two on a low screen, one on a very low one."""
         self._widths = {}
         stacks = self._stacks_for(self.screen().availableSize().height())
-        for dock in self.docks:
+        for dock in (*self.docks, *self.panels):
             dock.setFloating(False)
             self.removeDockWidget(dock)
         for stack in stacks:
             self.addDockWidget(_RIGHT, stack[0])
             for dock in stack[1:]:
                 self.tabifyDockWidget(stack[0], dock)
-        for dock in self.docks:
+        for panel in self.panels:
+            self._put_panel(panel)
+        for dock in (*self.docks, *self.panels):
             dock.show()
         for stack in stacks:
             stack[0].raise_()
-        shares = [215, 265, 165] if len(stacks) == 3 else [1] * len(stacks)
+        shares = [205, 220, 265] if len(stacks) == 3 else [1] * len(stacks)
         heights = [round(self.height() * share / sum(shares)) for share in shares]
         tops = [stack[0] for stack in stacks]
         self.resizeDocks(tops, heights, Qt.Orientation.Vertical)
         self.resizeDocks(tops, [self._width_beside] * len(tops), Qt.Orientation.Horizontal)
 
-    def saveState(self, version: int | None = 0) -> QByteArray:
+    def saveState(self, version: int | None = _LAYOUT) -> QByteArray:
         """Return the arrangement, with the share of the width that each large view has.
 
         Qt keeps widths in pixels, which mean another share in a window that is maximised after it was restored.
         """
-        return super().saveState(version or 0).append(_SHARES + json.dumps(self._widths).encode())
+        return super().saveState(version or _LAYOUT).append(_SHARES + json.dumps(self._widths).encode())
 
-    def restoreState(self, state: "QByteArray | bytes | bytearray | memoryview[int]", version: int | None = 0) -> bool:
+    def restoreState(
+        self, state: "QByteArray | bytes | bytearray | memoryview[int]", version: int | None = _LAYOUT
+    ) -> bool:
         """Restore an arrangement that `saveState` returned; one that Qt refuses changes nothing."""
         docks, _, shares = bytes(QByteArray(state).data()).partition(_SHARES)
-        done = super().restoreState(docks, version or 0)
+        done = super().restoreState(docks, version or _LAYOUT)
         if done:
             self._restored = True
             self._widths = _shares_in(shares)
@@ -339,7 +366,7 @@ class ViewArea(TabbedWindow):
         """Give the visible large view its share of the width, and the small views beside it the rest."""
         beside = [
             dock
-            for dock in self.docks
+            for dock in (*self.docks, *self.panels)
             if dock.in_front and not dock.isFloating() and self.dockWidgetArea(dock) in _SIDES
         ]
         now = self.width() - self.stage.width()

@@ -20,14 +20,14 @@ from sonarhw_gui.panels.searches import CausesPanel, FindPanel, FitPanel, ScansP
 from sonarhw_gui.session.session import Turns, WindowSession
 from sonarhw_gui.session.status import Status
 from sonarhw_gui.views.base import View
+from sonarhw_gui.views.card import Card
 from sonarhw_gui.views.legend import Legend
-from sonarhw_gui.views.table import BounceLine, Sentence
-from sonarhw_gui.widgets import LabelSlot, arranged, close_dialogs
+from sonarhw_gui.widgets import arranged, close_dialogs
 from sonarhw_gui.window.bars import Banner, Hint, StartPage, StatusBar, ToolBar
 from sonarhw_gui.window.commands import Commands, CommandSlots, LayoutMenu, offer_view_menus, undo_menu
 from sonarhw_gui.window.dialogs import HelpPage, open_dialog
 from sonarhw_gui.window.file_commands import FileCommands, SaveCommands
-from sonarhw_gui.window.views import OpenedDock, TabbedWindow, ViewArea
+from sonarhw_gui.window.views import OpenedDock, ViewArea
 
 # The docks: panels at the side of the window that the user can open, close and move.
 
@@ -63,18 +63,18 @@ class PanelDock(OpenedDock):
         about: str,
         panel: QtWidgets.QWidget,
         show: Callable[[Shown], None],
-        window: QtWidgets.QMainWindow,
+        views: ViewArea,
     ) -> None:
         """`key` opens and closes it, `about` says what it is for, and `show` updates the panel."""
-        super().__init__(name, _VerticalScrollArea(panel), window, key)
-        self._panel, self._show_in_panel, self._main_window = panel, show, window
+        super().__init__(name, _VerticalScrollArea(panel), views, key)
+        self._panel, self._show_in_panel, self._views = panel, show, views
         self._shown: Shown | None = None
         self.opener.setToolTip(f"{about} ({key})")
 
     def show_state(self, shown: Shown) -> None:
         """Update the panel if it is visible."""
         self._shown = shown
-        if self._panel.isVisibleTo(self._main_window):
+        if self._panel.isVisibleTo(self._views):
             self._show_in_panel(shown)
 
     def bring_to_front(self) -> None:
@@ -84,6 +84,7 @@ class PanelDock(OpenedDock):
             for layout in reversed(self.findChildren(QtWidgets.QLayout)):  # inner ones first
                 layout.activate()  # else the first paint has the height from before
         super().bring_to_front()
+        self._views.make_room(self)
 
 
 # Names of all tab stops for screen readers, from what the window shows beside them.
@@ -147,7 +148,7 @@ _NO_PAINT = 500  # ms
 _TURN = 40
 
 
-class MainWindow(TabbedWindow):
+class MainWindow(QtWidgets.QMainWindow):
     """The main window with all its parts."""
 
     closing = Signal()  # emitted before anything is closed
@@ -162,12 +163,16 @@ class MainWindow(TabbedWindow):
         self.device, self.room = DevicePanel(self.commands, session.live), RoomPanel()
         self.fit_panel, self.causes, self.finding = FitPanel(session), CausesPanel(session), FindPanel(session)
         self.scans = ScansPanel(session, self.files.add_scan)
-        self.banner, self.legend, self.sentence = Banner(session.notices), Legend(), Sentence()
-        self.bounces, self.hint = BounceLine(), Hint()
+        self.banner, self.legend, self.hint = Banner(session.notices), Legend(), Hint()
+        actions = self.commands.actions
+        self.card = Card(
+            [actions["find_causes"]], [actions[name] for name in ("play_sound", "list_echoes", "edit_note")]
+        )
+        self.sentence, self.bounces = self.card.sentence, self.card.bounces
         self.replay_bar, self.status_bar = ReplayBar(self.commands, session), StatusBar()
         self.sound_bar = SoundBar(session.sound, self.saving.save_film)
-        self.toolbar, self.start_page = ToolBar(self.commands), StartPage(self.commands, self.files)
-        self.docks: list[PanelDock] = []  # as tabs; all are closed initially
+        self.toolbar, self.start_page = ToolBar(self.commands, self.files.shipped), StartPage(self.commands, self.files)
+        self.docks: list[PanelDock] = []  # the panels
         self._look: Look | None = None
         self._open = False  # each part that becomes visible reports it; together, they are updated once
         plots = [partial(self._show_plot, place) for place in range(self.views.plots_beside)]
@@ -187,8 +192,8 @@ class MainWindow(TabbedWindow):
         self.setAcceptDrops(True)
         self.addToolBar(self.toolbar)
         centre = QtWidgets.QWidget()
-        sentence, bounces = LabelSlot(self.sentence), LabelSlot(self.bounces)
-        above, below = (self.banner, self.legend, self.hint), (sentence, bounces, self.sound_bar, self.replay_bar)
+        self.views.frame_large_view(self.legend, self.card)
+        above, below = (self.banner, self.hint), (self.sound_bar, self.replay_bar)
         middle = QtWidgets.QWidget()
         arranged(QtWidgets.QVBoxLayout(middle), self.views, self.start_page)
         arranged(QtWidgets.QVBoxLayout(centre), *above, middle, *below, rest=middle)
@@ -202,7 +207,7 @@ class MainWindow(TabbedWindow):
             ("Scans", "F12", "Show several scans, and compare two", self.scans),
             ("Find the room", "Ctrl+M", "Find walls from scans, and the next place to scan", self.finding),
         ):
-            self._add_dock(PanelDock(name, key, about, panel, panel.show_state, self))
+            self._add_dock(PanelDock(name, key, about, panel, panel.show_state, self.views))
         offer_view_menus(self.views.all, self.commands, self.session.showing)
         added = {
             "shipped rooms": [self.files.shipped.menuAction()],
@@ -219,10 +224,7 @@ class MainWindow(TabbedWindow):
         self.resize(_SIZE.boundedTo(self.screen().availableSize() - _FRAME))
 
     def _add_dock(self, dock: PanelDock) -> None:
-        self.addDockWidget(Qt.DockWidgetArea.LeftDockWidgetArea, dock)
-        if self.docks:
-            self.tabifyDockWidget(self.docks[-1], dock)
-        dock.hide()
+        self.views.add_panel(dock)
         dock.visibilityChanged.connect(self._show_again)
         self.docks.append(dock)
 
@@ -285,6 +287,17 @@ class MainWindow(TabbedWindow):
         self.find_pose()
 
     @Slot()
+    def find_causes(self) -> None:
+        """Search for what explains the misfits, and show the panel of the causes."""
+        self.open_dock("Causes")
+        self.causes.begin.click()
+
+    @Slot()
+    def list_echoes(self) -> None:
+        """List all echoes of the selected heading."""
+        self.views.bring_to_front(self.views.echo_list)
+
+    @Slot()
     def _show_commands(self) -> None:
         self.commands.show_state(self.session)
 
@@ -292,8 +305,7 @@ class MainWindow(TabbedWindow):
     def _show(self, shown: Shown) -> None:
         if shown.look != self._look:
             self._set_look(shown.look)
-        for part in (self.views, self.legend):
-            part.setVisible(not self.session.empty)
+        self.views.setVisible(not self.session.empty)
         self.start_page.show_state(self.session.empty)
         self.views.show_large(shown)
         for dock in self.docks:
@@ -332,8 +344,7 @@ class MainWindow(TabbedWindow):
         self.views.show_texts(self.session.shown)
 
     def _show_sentence(self) -> None:
-        self.sentence.show_state(self.session.shown)
-        self.bounces.show_state(self.session.shown)
+        self.card.show_state(self.session.shown)
 
     def _show_figures(self) -> None:
         self.status_bar.show_state(self.session.status)
@@ -369,6 +380,8 @@ class MainWindow(TabbedWindow):
             for show in self._texts:
                 show()
         self._show_commands()
+        target = self.session.live.target
+        self.toolbar.show_scanner(None if target is None else target.url)
         self.files.shipped.setEnabled(not status.scanning)
         self.files.menuAction().setEnabled(not status.scanning)
         self.toolbar.place.setEnabled(not status.scanning and self.toolbar.place.count() > 0)
@@ -379,11 +392,6 @@ class MainWindow(TabbedWindow):
         self._open = True
         self._show_again()
         QTimer.singleShot(_NO_PAINT, self.session.begin)
-
-    def resizeEvent(self, event: QtGui.QResizeEvent) -> None:
-        """Leave the place of a long legend to the plan where the window is low."""
-        super().resizeEvent(event)
-        self.legend.set_low(self.height() < _LOW)
 
     def closeEvent(self, event: QtGui.QCloseEvent) -> None:
         """Close the session too: stop the board and close the log."""

@@ -17,20 +17,22 @@ import pytest
 from PySide6.QtCore import QPoint, QRectF, Qt
 from PySide6.QtGui import QColor, QFontMetricsF, QGuiApplication, QTextLayout
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QApplication, QMenu, QWidget
+from PySide6.QtWidgets import QApplication, QLabel, QMenu, QWidget
 from pytestqt.qtbot import QtBot
 from sonarhw_compare.match import Kind, compare_readings
 from sonarhw_gui.jobs import forecast
 from sonarhw_gui.jobs.forecast import STRETCH, ComparedScan, PathsFound, Stretch
 from sonarhw_gui.jobs.traces import Pane, chosen_trace
+from sonarhw_gui.model.edits import sensor_at
 from sonarhw_gui.model.look import DARK, LIGHT, LengthUnit, Look, Unclassed, ViewLayer
 from sonarhw_gui.model.rows import Column, RowQuery, order_of, rows_as_csv
 from sonarhw_gui.model.scene import NoteTexts, Scene
 from sonarhw_gui.model.shown import Cursor, Shown
 from sonarhw_gui.views.base import View
+from sonarhw_gui.views.card import MISFITS, Sentence, shortened_to_lines
 from sonarhw_gui.views.plan import PlanDrawing
 from sonarhw_gui.views.ranges import RangeView
-from sonarhw_gui.views.table import Sentence, TableView, shortened_to_lines
+from sonarhw_gui.views.table import TableView
 from sonarhw_gui.views.trace import TraceView
 from sonarhw_gui.window.start import open_application
 from sonarhw_gui.window.window import MainWindow
@@ -599,23 +601,24 @@ def test_only_paths_and_sentences_are_cut_off_without_horizontal_scrolling(
 # the sentence
 
 
-def test_a_sentence_has_two_lines_and_a_longer_one_is_complete_in_the_tooltip(
+def test_a_long_sentence_is_shortened_to_one_line_and_two_and_complete_in_the_tooltip(
     qtbot: QtBot, monkeypatch: pytest.MonkeyPatch, scene: Scene
 ) -> None:
-    whole = (
-        "a later echo, " + ", ".join(["bottom", "top", "left", "right"] * 20) + "; the near wall lies within blanking"
-    )
+    walls = ", ".join(["bottom", "top", "left", "right"] * 20)
+    whole = f"0.827 m at 270.0°: {walls}; a later echo by {walls}; the near wall lies within blanking"
     monkeypatch.setattr(Shown, "sentence", whole)
     sentence = Sentence()
     qtbot.addWidget(sentence)
     sentence.resize(500, 60)
+    with qtbot.waitExposed(sentence, timeout=PATIENCE):
+        sentence.show()
 
-    def lines() -> int:
-        layout = QTextLayout(sentence.text(), sentence.font())
+    def lines(label: QLabel) -> int:
+        layout = QTextLayout(label.text(), label.font())
         layout.beginLayout()
         count = 0
         while (line := layout.createLine()).isValid():
-            line.setLineWidth(sentence.width() - 24)
+            line.setLineWidth(sentence.width())
             count += 1
         layout.endLayout()
         return count
@@ -623,22 +626,38 @@ def test_a_sentence_has_two_lines_and_a_longer_one_is_complete_in_the_tooltip(
     seen = []
     for scale in (0.7, 1.0, 1.3, 1.6, 2.0):
         sentence.show_state(Shown(scene, look=replace(Look(), scale=scale)))
-        assert lines() == 2
-        assert sentence.text().endswith("…")
-        assert whole.startswith(sentence.text()[:-1])
-        assert sentence.toolTip() == whole
-        assert sentence.heightForWidth(sentence.width()) <= sentence.height()
-        assert 2 * QFontMetricsF(sentence.font()).lineSpacing() <= sentence.height()
-        seen.append((sentence.height(), -len(sentence.text())))
+        head, why = sentence.head.text(), sentence.why.text()
+        assert (lines(sentence.head), lines(sentence.why)) == (1, 2)
+        assert head.endswith("…")
+        assert whole.startswith(head[:-1])
+        assert why.endswith("…")
+        assert whole.partition("; ")[2].startswith(why[:-1])
+        assert (sentence.text(), sentence.toolTip()) == (whole, whole)
+        for label, most in ((sentence.head, 1), (sentence.why, 2)):
+            assert most * QFontMetricsF(label.font()).lineSpacing() <= label.height()
+        seen.append((sentence.why.height(), -len(why)))
     assert seen == sorted(seen)  # larger text: higher, and less of it
-    before = len(sentence.text())
-    with qtbot.waitExposed(sentence, timeout=PATIENCE):
-        sentence.show()
-    sentence.resize(900, sentence.height())
-    assert before < len(sentence.text()) < len(whole)
-    sentence.resize(8000, sentence.height())
-    assert (sentence.text(), sentence.toolTip()) == (whole, "")
+    sentence.resize(16000, sentence.height())
+    until(lambda: "; ".join((sentence.head.text(), sentence.why.text())) == whole)
+    assert sentence.toolTip() == ""
     assert shortened_to_lines("0.827 m at 270.0°", sentence.font(), 500, 2) == "0.827 m at 270.0°"
+
+
+def test_the_card_leads_from_a_misfit_to_its_causes_and_to_all_echoes(window: MainWindow) -> None:
+    session, find = window.session, window.card.misfit_buttons[0]
+    matches = [session.shown.row(k).kind is Kind.MATCH for k in range(len(session.shown.readings))]
+    session.showing.choose(matches.index(True))
+    until(lambda: not find.isVisible())
+    session.showing.edit(*sensor_at(session.shown.scene, (0.6, 0.2)))
+    until(lambda: predicted(window))
+    kinds = [session.shown.row(k).kind for k in range(len(matches))]
+    session.showing.choose(next(k for k, kind in enumerate(kinds) if kind in MISFITS))
+    until(find.isVisible)
+    key(window, "Ctrl+Shift+L")
+    until(lambda: window.views.echo_list.isVisible() and not window.views.echo_list.visibleRegion().isEmpty())
+    push(find)
+    until(lambda: session.causes.state.answer is not None)
+    assert not window.causes.visibleRegion().isEmpty()
 
 
 # dense scans
