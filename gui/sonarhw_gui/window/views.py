@@ -199,7 +199,7 @@ class ViewArea(QtWidgets.QMainWindow):
 
     def bring_to_front(self, view: View) -> None:
         """Open a small view in front of the others."""
-        next(dock for dock in self.docks if dock.widget() is view).bring_to_front()
+        next(dock for dock in self.docks if _view_in(dock) is view).bring_to_front()
 
     def add_panel(self, panel: OpenedDock) -> None:
         """Add a panel as a tab behind the lowest small views."""

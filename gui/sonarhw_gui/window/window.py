@@ -20,10 +20,9 @@ from sonarhw_gui.panels.searches import CausesPanel, FindPanel, FitPanel, ScansP
 from sonarhw_gui.session.session import Turns, WindowSession
 from sonarhw_gui.session.status import Status
 from sonarhw_gui.views.base import View
-from sonarhw_gui.views.card import Card
 from sonarhw_gui.views.legend import Legend
 from sonarhw_gui.widgets import arranged, close_dialogs
-from sonarhw_gui.window.bars import Banner, Hint, StartPage, StatusBar, ToolBar
+from sonarhw_gui.window.bars import Banner, Card, Hint, StartPage, StatusBar, ToolBar
 from sonarhw_gui.window.commands import Commands, CommandSlots, LayoutMenu, offer_view_menus, undo_menu
 from sonarhw_gui.window.dialogs import HelpPage, open_dialog
 from sonarhw_gui.window.file_commands import FileCommands, SaveCommands

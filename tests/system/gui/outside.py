@@ -23,7 +23,7 @@ Pixel = tuple[int, int]
 Seen = TypeVar("Seen")
 _PAUSE = 0.05
 _ABOVE_THE_PLAN = 90  # pixels of menus, tools and legend
-_SENTENCE = (4, 6), (4, 50)  # pixels from left and top, and from right and top, of the area below the views
+_SENTENCE = 14  # pixels from the top of the card below the plan to the middle of its first line
 _PLAN_SHARE = 0.5  # share of the window's width
 _INSIDE_A_MARK = np.ones((5, 5))
 _DIAMOND = np.add.outer(abs(np.arange(-4, 5)), abs(np.arange(-4, 5))) <= 4
@@ -123,14 +123,14 @@ class Outside:
         return ["mousemove", "--window", self._window, *map(str, at)]
 
     def sentence(self) -> str:
-        """Return the sentence below the views, selected with the mouse."""
+        """Return the first line of the card below the plan, selected with the mouse."""
         return awaited(self._selected_text, "a sentence that stays long enough to be selected")
 
     def _selected_text(self) -> str:
         clipboard, top = QGuiApplication.clipboard(), self._end_of_views()
         clipboard.clear(QClipboard.Mode.Selection)
-        (left, above), (right, below) = _SENTENCE
-        self.drag((left, top + above), (self._picture().shape[1] - right, top + below))
+        # backwards: the press must be on the line, which begins right of the mark
+        self.drag((round(_PLAN_SHARE * self._picture().shape[1]), top + _SENTENCE), (4, top + _SENTENCE))
         deadline = time.monotonic() + 1
         while not (selected := clipboard.text(QClipboard.Mode.Selection)) and time.monotonic() < deadline:
             QGuiApplication.processEvents()  # receive the selection of the other process

@@ -422,6 +422,7 @@ def test_notes_are_made_edited_deleted_undone_and_found_with_keys_and_mouse(
     for marks in (plan._marks, ranges._marks[0]):
         assert {*zip(*marks.notes.getData(), strict=True)} == {drawn(marks)[9], drawn(marks)[27]}
         assert marks.notes.isVisible()
+    window.legend.more.setChecked(True)
     assert window.legend.explained["note"].isVisible()
     assert not table.view.isColumnHidden(Column.NOTE)
     assert table.noted.text() == "2 notes"

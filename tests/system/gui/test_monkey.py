@@ -74,9 +74,11 @@ def window(
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.chdir(tmp_path)
     opener = fake("max")
-    return open_with(
-        source=opener, memory=tmp_path / "state" / "window.ini", find_scanner=lambda url: ScannerTarget(url, opener)
-    )
+
+    def find_scanner(url: str, follows: bool = False) -> ScannerTarget:
+        return ScannerTarget(url, opener, follow=(lambda _: opener) if follows else None)
+
+    return open_with(source=opener, memory=tmp_path / "state" / "window.ini", find_scanner=find_scanner)
 
 
 def test_random_actions_raise_no_error(

@@ -22,10 +22,10 @@ from sonarhw_gui.model.look import DARK, LIGHT, Look
 from sonarhw_gui.model.scene import Scene, decibels_text, wall_lines
 from sonarhw_gui.model.shown import Shown, bounces_text, chosen_path
 from sonarhw_gui.views.base import png_pixels, svg_text
-from sonarhw_gui.views.card import Sentence
 from sonarhw_gui.views.legend import SOUND, Legend
 from sonarhw_gui.views.plan import PlanDrawing
 from sonarhw_gui.views.plan_layers import edge_arrows
+from sonarhw_gui.window.bars import Sentence
 from sonarhw_gui.window.window import MainWindow
 from sonarhw_sim.predict.prediction import predict_scan
 

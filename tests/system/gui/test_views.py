@@ -29,11 +29,11 @@ from sonarhw_gui.model.rows import Column, RowQuery, order_of, rows_as_csv
 from sonarhw_gui.model.scene import NoteTexts, Scene
 from sonarhw_gui.model.shown import Cursor, Shown
 from sonarhw_gui.views.base import View
-from sonarhw_gui.views.card import MISFITS, Sentence, shortened_to_lines
 from sonarhw_gui.views.plan import PlanDrawing
 from sonarhw_gui.views.ranges import RangeView
 from sonarhw_gui.views.table import TableView
 from sonarhw_gui.views.trace import TraceView
+from sonarhw_gui.window.bars import MISFITS, Sentence, shortened_to_lines
 from sonarhw_gui.window.start import open_application
 from sonarhw_gui.window.window import MainWindow
 from sonarhw_sim.predict.prediction import predict_scan
@@ -649,15 +649,21 @@ def test_the_card_leads_from_a_misfit_to_its_causes_and_to_all_echoes(window: Ma
     session.showing.choose(matches.index(True))
     until(lambda: not find.isVisible())
     session.showing.edit(*sensor_at(session.shown.scene, (0.6, 0.2)))
-    until(lambda: predicted(window))
-    kinds = [session.shown.row(k).kind for k in range(len(matches))]
-    session.showing.choose(next(k for k, kind in enumerate(kinds) if kind in MISFITS))
+
+    def misfits() -> list[int]:
+        rows = [session.shown.row(k) for k in range(len(matches))]
+        return [k for k, row in enumerate(rows) if row is not None and row.kind in MISFITS]
+
+    until(lambda: predicted(window) and misfits())
+    session.showing.choose(misfits()[0])
     until(find.isVisible)
     key(window, "Ctrl+Shift+L")
     until(lambda: window.views.echo_list.isVisible() and not window.views.echo_list.visibleRegion().isEmpty())
     push(find)
-    until(lambda: session.causes.state.answer is not None)
+    until(lambda: session.causes.state.running)
     assert not window.causes.visibleRegion().isEmpty()
+    push(window.causes.cancel)
+    until(lambda: not session.causes.state.running)
 
 
 # dense scans
