@@ -113,6 +113,7 @@ class ImportDialog(QtWidgets.QDialog):
         self._make_fields()
         self._lay_out()
         self._connect()
+        self._draw(())
         self._read_again()
 
     def _make_fields(self) -> None:
