@@ -5,7 +5,6 @@ import math
 import sys
 import threading
 import time
-import tracemalloc
 import weakref
 from collections.abc import Callable
 from dataclasses import replace
@@ -21,10 +20,7 @@ from sonarhw_compare.match import compare_readings
 from sonarhw_gui.jobs.forecast import (
     LATE,
     REST,
-    STRETCH,
     Forecast,
-    compare_stretches,
-    find_paths,
 )
 from sonarhw_gui.jobs.jobs import BackgroundJob, Jobs
 from sonarhw_gui.jobs.traces import BScanSettings, Pane
@@ -46,7 +42,6 @@ from sonarhw.readings import FloatArray, Reading, Trace
 from tests.conftest import Count
 from tests.hang_guard import HANG
 from tests.system.gui.conftest import ORDER, working_threads
-from tests.system.gui.dense_scan import dense_readings
 from tests.system.gui.driving import push, until
 
 # jobs
@@ -263,20 +258,6 @@ def test_a_moving_sensor_gets_drafts_and_a_resting_one_the_full_prediction_with_
     finished(forecast, jobs)
     assert np.allclose(forecast.outline.ranges, exact.ranges, atol=1e-9, equal_nan=True)
     assert len(forecast.outline.paths) > len(draft.paths)
-
-
-def test_an_hour_of_comparison_takes_little_memory(scene: Scene) -> None:
-    """36 000 readings take 36 times as much as these."""
-    found, many = find_paths(1, scene, scene.options), tuple(dense_readings(scene, 1440))
-    compare_stretches(found, ((0, many[:10]),))  # loads and compiles
-    tracemalloc.start()
-    try:
-        compared = compare_stretches(found, tuple((k, many[k : k + STRETCH]) for k in range(0, 1440, STRETCH)))
-        grown, _ = tracemalloc.get_traced_memory()
-    finally:
-        tracemalloc.stop()
-    assert len(compared) == 4
-    assert grown / 1440 < 1500  # bytes a reading: 54 MB an hour at ten readings a second
 
 
 # traces

@@ -13,7 +13,6 @@ from sonarhw_compare.fit.fitting import (
     fit_setting,
     fitted_room,
     is_unconstrained,
-    warnings_of,
     with_listed_findings,
 )
 from sonarhw_compare.fit.free_walls import corner_moves, with_shifted_walls
@@ -36,7 +35,6 @@ from sonarhw_sim.room.room import Place, Room, load_room, parse_room
 
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
-from tests.fixtures.fit_results import heading_fit
 from tests.fixtures.predicted_readings import predicted_readings, readings_of
 from tests.fixtures.rooms_for_tests import room_of
 
@@ -126,16 +124,6 @@ def test_a_room_gets_the_fitted_place_temperature_and_reflectance() -> None:
     # without a fitted position the room keeps its places
     warm = {parameters[3]: 20.0}
     assert set(fitted_room(SIMPLE, warm, [Place("found", (0.7, 0.1))]).places) == set(SIMPLE.places)
-
-
-def test_solutions_that_print_alike_are_one_and_a_table_has_two_digits_of_each_deviation() -> None:
-    assert warnings_of(heading_fit(359.999, 0.001)) == ()
-    (several,) = warnings_of(heading_fit(0.0, 180.0))
-    assert (several.kind, str(several)[:11]) == ("several solutions", "2 solutions")
-    assert str(several).endswith("heading 0.0°; heading 180.0°")
-    table = list(heading_fit(-0.002).lines())
-    assert table[1].split() == ["heading", "0.00°", "0.14°", "-0.30", "to", "0.30"]
-    assert any("ranges +0.00% from" in line for line in table)
 
 
 # Searches and samples of distributions that are known.

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from statistics import NormalDist
 
 import numpy as np
 import pytest
@@ -14,10 +13,9 @@ from sonarhw_compare import report
 from sonarhw_compare.drawings import draw_found_room, draw_plan
 from sonarhw_compare.fit import PlacedScan
 from sonarhw_compare.match import Comparison, Kind, compare_readings
-from sonarhw_compare.pictures import envelope_of, shading_around
+from sonarhw_compare.pictures import envelope_of
 from sonarhw_compare.report import CLASSES, bscan_png, plan_svg, ranges_svg
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.room import Place, load_room
 
@@ -164,30 +162,6 @@ def test_labels_and_legend_are_inside_the_picture(room_name: str, place: str, bo
         "bottom": picture[-1],
     }.items():
         assert (edge == 255).all(), name
-
-
-WALL = polygon_room([(1.5, -1.0), (1.5, 1.0)], closed=False)
-LEVEL = 20 * math.log10(0.9)  # dB, of the wall straight ahead
-
-
-SPREAD = math.hypot(0.012, 0.005)  # m, of the board and of the room
-
-
-def prediction(over_db: float) -> PredictedScan:
-    """Return the prediction of a board that receives the wall straight ahead `over_db` over its threshold."""
-    board = replace(load_board("paper"), threshold_db=LEVEL - over_db, threshold_sd_db=2.0, range_sd=0.012)
-    board = replace(board, aperture_radius=0.004)  # a wide beam
-    return predict_scan(WALL, Place("here", (0.0, 0.0)), board, np.radians(np.arange(0.0, 360.0, 90.0)))
-
-
-@pytest.mark.parametrize("over_db", [-2.0, 0.0, 2.0])
-def test_opacity_is_the_probability_of_the_echo_with_the_spread_of_its_range(over_db: float) -> None:
-    shading = shading_around(prediction(over_db))
-    heard = NormalDist().cdf(over_db / 2.0)
-    middles = (np.arange(shading.opacities.shape[1]) + 0.5) * shading.reach / shading.opacities.shape[1]
-    at = np.interp([1.5, 1.5 + SPREAD, 1.5 - 2 * SPREAD, 1.0], middles, shading.opacities[0])
-    assert at == pytest.approx(heard * np.exp([0.0, -0.5, -2.0, -1000.0]), abs=0.02)
-    assert not shading.opacities[180].any()  # no wall behind the sensor
 
 
 KNOWN = polygon_room([(0.0, 0.0), (3.0, 0.0), (3.0, 2.0), (0.0, 2.0)])

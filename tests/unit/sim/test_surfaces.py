@@ -13,7 +13,7 @@ from sonarhw_sim.rays.fan import distance_to, first_hit
 from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
 from sonarhw_sim.rays.sequences import leg_is_free
 from sonarhw_sim.room import edges
-from sonarhw_sim.room.edges import edges_on_walls, find_edges
+from sonarhw_sim.room.edges import _pairs_near, edges_on_walls, find_edges
 from sonarhw_sim.room.grid import lay_grid
 from sonarhw_sim.room.room import (
     Enclosures,
@@ -285,3 +285,50 @@ def test_walls_of_one_chain_enclose_the_points_inside(seed: int) -> None:
     enclosed = [walls_enclose(walls, (float(x), float(y))) for x, y in points]
     assert enclosed == inside(points, walls).tolist()
     assert 0 < sum(enclosed) < 40
+
+
+def star(count: int, length: float = 5.0) -> FloatArray:
+    """Walls from one point, in a large room."""
+    angles = np.arange(count) * math.tau / count
+    walls = np.column_stack((np.zeros((count, 2)), length * np.cos(angles), length * np.sin(angles)))
+    return np.vstack((walls, [(-50, -50, 50, -50), (50, 50, -50, 50)]))
+
+
+def tuft(count: int) -> FloatArray:
+    """Short walls within 1 cm, in a large room."""
+    random = np.random.default_rng(1)
+    start = random.uniform(0, 0.01, (count, 2))
+    walls = np.hstack((start, start + random.uniform(-1e-3, 1e-3, (count, 2))))
+    return np.vstack((walls, [(-50, -50, 50, 50)]))
+
+
+CROWDS = {"star": star, "small star": lambda count: star(count, 0.1), "tuft": tuft}
+
+
+def vertices_of(walls: FloatArray) -> FloatArray:
+    return np.unique(walls.reshape(-1, 2), axis=0)
+
+
+def pairs(walls: FloatArray) -> list[tuple[int, int]]:
+    """Return the vertices and walls that are compared."""
+    vertices = vertices_of(walls)
+    near = _pairs_near(np.arange(len(vertices)), np.arange(len(walls), dtype=np.int32), vertices, walls)
+    return [pair for vertex, wall in near for pair in zip(vertex.tolist(), wall.tolist(), strict=True)]
+
+
+@pytest.mark.parametrize("crowd", CROWDS)
+def test_the_number_of_comparisons_grows_with_the_number_of_walls(crowd: str) -> None:
+    for count in (1000, 4000):
+        assert len(pairs(CROWDS[crowd](count))) < 60 * count
+
+
+@pytest.mark.parametrize("crowd", CROWDS)
+def test_every_end_on_a_wall_is_compared_with_it_once(crowd: str) -> None:
+    walls = CROWDS[crowd](400)
+    vertices, compared = vertices_of(walls), pairs(walls)
+    assert len(set(compared)) == len(compared)
+    for number, (x, y, end_x, end_y) in enumerate(walls):
+        share = ((vertices - (x, y)) @ (end_x - x, end_y - y)) / ((end_x - x) ** 2 + (end_y - y) ** 2)
+        foot = (x, y) + np.clip(share, 0, 1)[:, None] * (end_x - x, end_y - y)
+        on = np.flatnonzero(np.hypot(*(vertices - foot).T) <= 1e-6)
+        assert {(vertex, number) for vertex in on.tolist()} <= set(compared)
