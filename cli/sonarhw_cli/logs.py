@@ -217,14 +217,14 @@ def import_scan(
         raise InputError(_with_options(str(error))) from error
     for doubt in scan.damage:
         options.warn(_with_options(doubt))
-    for note in scan.read_as:
-        options.print_note(f"{file}: {_with_options(note)}")
     if scan.recorded is not None:
         metadata = _with_those_of(scan.recorded, metadata)
     if place is None and any(reading.pose for reading in scan.readings):
         metadata = replace(metadata, place="")  # the poses state where the readings were made
     metadata = replace(metadata, source=str(file), read_as="; ".join(scan.read_as))
     write_scan(out, metadata, scan.readings, overwrite=force)
+    for note in scan.read_as:
+        options.print_note(f"{file}: {_with_options(note)}")
     echoes = sum(reading.range is not None for reading in scan.readings)
     options.print_note(f"{counted(len(scan.readings), 'reading')}, {echoes} with an echo, in {out}")
     for doubt in scan.doubts(_board_in(metadata)):
