@@ -160,6 +160,7 @@ class Outside:
         picture = self._picture()
         coloured = (picture == _rgb(colour)).all(axis=2)
         coloured[:_ABOVE_THE_PLAN] = False
+        coloured[self._end_of_views() :] = False  # the card has a mark, too
         coloured[:, round(_PLAN_SHARE * picture.shape[1]) :] = False
         return coloured
 
