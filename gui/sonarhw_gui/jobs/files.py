@@ -13,8 +13,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
-from sonarhw_compare.import_formats import LOG as OWN_LOG
-from sonarhw_compare.import_formats import TEXT, ImportFormat, import_format, start_of_file
+from sonarhw_compare.import_formats import JSON_MCAP, ROS, TEXT, ImportFormat, import_format, start_of_file
 from sonarhw_compare.picture_file import write_film
 from sonarhw_compare.room_import.imported import import_room
 from sonarhw_compare.scans import ReadingNote, placed_notes
@@ -91,8 +90,9 @@ def file_kind(path: Path) -> Literal["log", "room", "scan"]:
         return "room" if _GEOJSON.search(start_of_file(path)) else "scan"
     if ending in (ROOM, *FOREIGN_ROOMS):
         return "room"
-    is_log = ending == LOG and (not path.exists() or import_format(path, None) is OWN_LOG)
-    return "log" if is_log else "scan"
+    # a damaged log is opened as a log, which says what is wrong with it
+    is_foreign = ending != LOG or (path.exists() and import_format(path, None) in (ROS, JSON_MCAP))
+    return "scan" if is_foreign else "log"
 
 
 _MOST_NAMES = 10

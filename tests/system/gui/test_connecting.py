@@ -177,7 +177,8 @@ def open_on_fake(open_session: OpenSession, scanners: _Scanners, room_file: Path
 
 
 def scan(session: WindowSession) -> Log:
-    """Scan, and return the log."""
+    """Scan once the scanner is idle, and return the log."""
+    until(lambda: session.status.can_scan)
     before = session.status.job.recording
     session.scan()
     until(lambda: ended(session) and session.status.job.recording not in (None, before))
