@@ -79,7 +79,7 @@ OSCILLOSCOPE = re.compile(  # what the CSV of Tektronix, Siglent, Rigol and Pico
     re.IGNORECASE | re.MULTILINE,
 )
 _BEESOFT = re.compile(r"@SENS +\d+-\d+-\d+ |#SONAR +\d+:")
-_MCAP = b"\x89MCAP0\r\n"
+MCAP = b"\x89MCAP0\r\n"
 
 
 def import_format(file: Path, rate: float | None, name: str = "") -> ImportFormat:
@@ -113,7 +113,7 @@ def start_of_file(file: Path, size: int = _START) -> bytes:
 
 
 def _of_content(file: Path, start: bytes) -> ImportFormat | None:
-    if start.startswith(_MCAP):
+    if start.startswith(MCAP):
         return _of_mcap(file, start)
     if file.suffix.lower() == ".mcap":
         return ROS

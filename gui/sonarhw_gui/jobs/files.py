@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
-from sonarhw_compare.import_formats import JSON_MCAP, ROS, TEXT, ImportFormat, import_format, start_of_file
+from sonarhw_compare.import_formats import JSON_MCAP, MCAP, ROS, TEXT, ImportFormat, import_format, start_of_file
 from sonarhw_compare.picture_file import write_film
 from sonarhw_compare.room_import.imported import import_room
 from sonarhw_compare.scans import ReadingNote, placed_notes
@@ -91,7 +91,8 @@ def file_kind(path: Path) -> Literal["log", "room", "scan"]:
     if ending in (ROOM, *FOREIGN_ROOMS):
         return "room"
     # a damaged log is opened as a log, which says what is wrong with it
-    is_foreign = ending != LOG or (path.exists() and import_format(path, None) in (ROS, JSON_MCAP))
+    is_mcap = start_of_file(path).startswith(MCAP)
+    is_foreign = ending != LOG or (is_mcap and import_format(path, None) in (ROS, JSON_MCAP))
     return "scan" if is_foreign else "log"
 
 
