@@ -677,11 +677,11 @@ def held(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[threading.Event, lis
     """Let only comparisons with the last stretch through until the event is set; list the first reading of each."""
     gate, requests, compare = threading.Event(), list[int](), forecast.compare_stretches
 
-    def compare_later(found: PathsFound, stretches: Stretches) -> tuple[Stretch, ...]:
+    def compare_later(found: PathsFound, stretches: Stretches, *begin: object) -> tuple[Stretch, ...]:
         if all(first + len(readings) < DENSE for first, readings in stretches):
             gate.wait()
         requests.append(stretches[0][0])
-        return compare(found, stretches)
+        return compare(found, stretches, *begin)
 
     monkeypatch.setattr(forecast, "compare_stretches", compare_later)
     yield gate, requests
