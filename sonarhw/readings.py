@@ -1,10 +1,7 @@
-"""Readings, traces and scan orders: the values that all other parts of the project exchange.
-
-With them: headings in degrees, and the speed of sound that turns times into ranges.
-"""
+"""Readings, traces and scan orders: the values that all other parts of the project exchange."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from enum import StrEnum
 from typing import Protocol, TypeAlias
@@ -24,32 +21,6 @@ RobotPose: TypeAlias = tuple[float, float, float]
 def angle_difference(angles: FloatArray, reference: FloatArray | float) -> FloatArray:
     """Return `angles` minus `reference`, rad, each in [-π, π). Use `math.remainder` for single angles."""
     return np.asarray(np.remainder(angles - reference + math.pi, math.tau) - math.pi)
-
-
-def in_degrees(heading: float, decimals: int = 9) -> float:
-    """Return a heading (rad) in degrees with this number of decimals, in [0, 360)."""
-    # rounded first: a value just below zero would become 360
-    return round(math.degrees(heading), decimals) % 360
-
-
-def heading_text(heading: float, decimals: int = 1) -> str:
-    """Return a heading (rad) as text: `270.0°`."""
-    return f"{in_degrees(heading, decimals):.{decimals}f}°"
-
-
-def turned_near(heading: float, around: float = 0.0) -> float:
-    """Return the same heading (rad), by full turns, within (-π, π] of `around` (rad).
-
-    An estimate and its interval then read as one: -0.02 ± 0.07, not 359.98 ± 0.07.
-    """
-    # remainder gives -π for half a turn backwards
-    difference = math.remainder(heading - around, math.tau)
-    return around + (math.pi if difference <= -math.pi else difference)
-
-
-def estimate_degrees(heading: float, around: float = 0.0, decimals: int = 9) -> float:
-    """Return an estimated heading (rad) in degrees, within (-180, 180] of `around` (rad), never -0."""
-    return round(math.degrees(turned_near(heading, around)), decimals) + 0.0
 
 
 def moved_by(pose: RobotPose, step: RobotPose) -> RobotPose:
@@ -348,43 +319,3 @@ def unverified_clause(runs: Sequence[FloatArray]) -> str | None:
         f"{count} of {total} angles, from {math.degrees(doubtful[0]):.6g}° on, could not be checked for lost steps: "
         "the turntable had to home again"
     )
-
-
-# the speed of sound in air, and the one that a scan assumes for its ranges
-
-
-def speed_of_sound(
-    temperature_c: float = 20.0, relative_humidity: float = 0.5, pressure_kpa: float = 101.325, co2: float = 400e-6
-) -> float:
-    """Return the speed of sound in humid air of 0 to 30 °C, m/s (Cramer 1993, JASA 93, 2510, eq. 15, table III)."""
-    t, p = temperature_c, pressure_kpa * 1e3
-    kelvin = t + 273.15
-    saturation = math.exp(1.2811805e-5 * kelvin**2 - 1.9509874e-2 * kelvin + 34.04926034 - 6.3536311e3 / kelvin)
-    enhancement = 1.00062 + 3.14e-8 * p + 5.6e-7 * t**2
-    water = relative_humidity * enhancement * saturation / p
-    return (
-        331.5024
-        + 0.603055 * t
-        - 0.000528 * t**2
-        + (51.471935 + 0.1495874 * t - 0.000782 * t**2) * water
-        + (-1.82e-7 + 3.73e-8 * t - 2.93e-10 * t**2) * p
-        + (-85.20931 - 0.228525 * t + 5.91e-5 * t**2) * co2
-        - 2.835149 * water**2
-        - 2.15e-13 * p**2
-        + 29.179762 * co2**2
-        + 0.000486 * water * p * co2
-    )
-
-
-@dataclass(frozen=True)
-class ScanAir:
-    """The air during a scan, as far as the caller and the room file state it. The thermometer adds the rest."""
-
-    speed_at: Callable[[float], float] = speed_of_sound  # speed of sound in m/s at a temperature in °C
-    room_temperature: float = 20.0  # °C; used if neither the caller nor a thermometer provides a temperature
-    chosen_temperature: float | None = None  # °C; set by the caller, overrides all others
-
-    def speed_of_sound(self, thermometer: float | None) -> float:
-        """Return the speed of sound in m/s: at the chosen temperature, else the thermometer's (°C), else the room's."""
-        temperatures = (self.chosen_temperature, thermometer, self.room_temperature)
-        return self.speed_at(next(temperature for temperature in temperatures if temperature is not None))

@@ -13,7 +13,7 @@ from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.room import load_room
 
 from benchmarks.real.judged_scans import RealScan, load_scans, program_options
-from sonarhw.readings import heading_text
+from sonarhw.errors import heading_text
 
 OTHER_ROOMS = ("corridor", "kuc_siegel", "laboratory", "table_top")
 OTHER_BOARDS = ("hc-sr04", "polaroid-56", "polaroid-6500")

@@ -45,7 +45,7 @@ from benchmarks.real.judged_scans import (
 )
 from benchmarks.real.sensor_table import print_sensors
 from benchmarks.real.tune_lego_nxt import print_candidates, print_cross_validation, try_all
-from sonarhw.readings import heading_text
+from sonarhw.errors import heading_text
 
 FIGURE = Path("docs/explanation/real_scans.png")
 

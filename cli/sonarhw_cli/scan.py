@@ -117,7 +117,7 @@ def scan_plan(scanner: "Scanner", request: ScanRequest, board: "Board", room_air
     from sonarhw_sim.air import Air
 
     from sonarhw.host.scanner import ScanPlan
-    from sonarhw.readings import ScanAir
+    from sonarhw.sound_speed import ScanAir
 
     air = room_air or Air()
     if request.max_range is not None and request.max_range > board.max_range:
@@ -396,7 +396,8 @@ def ping(
 
 def _plan(count: int, board: "Board", max_range: float | None, temperature: float | None, traces: bool) -> "ScanPlan":
     from sonarhw.host.scanner import ScanPlan
-    from sonarhw.readings import ScanAir, pings_in_place
+    from sonarhw.readings import pings_in_place
+    from sonarhw.sound_speed import ScanAir
 
     reach = board.max_range if max_range is None else max_range
     return ScanPlan(

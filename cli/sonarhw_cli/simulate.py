@@ -12,9 +12,8 @@ import typer
 from sonarhw_compare.picture_file import FILMS, PICTURES
 from sonarhw_sim.air import DEFAULT_BOARD, ROOM_TOLERANCE, EdgeStrength, Model, Receiver, Unit
 
-from sonarhw.errors import InputError, counted
+from sonarhw.errors import InputError, counted, in_degrees
 from sonarhw.files import atomic_file
-from sonarhw.readings import in_degrees
 from sonarhw_cli import options, outputs
 from sonarhw_cli.inputs import chosen_place, open_room
 

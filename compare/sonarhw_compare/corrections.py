@@ -10,7 +10,8 @@ import numpy as np
 from sonarhw_sim.air import Model
 from sonarhw_sim.predict.prediction import PredictionOptions, paths_serve_all_headings, predict_scan
 
-from sonarhw.readings import FloatArray, in_degrees
+from sonarhw.errors import in_degrees
+from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.starting import agreement_by_turn, all_round
 from sonarhw_compare.match import TOLERANCE, Comparison, Kind, few_explained
 from sonarhw_compare.regions import mean_run

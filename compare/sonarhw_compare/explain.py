@@ -16,8 +16,8 @@ from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.room.room import Room
 
 from sonarhw import arguments
-from sonarhw.errors import InputError, counted
-from sonarhw.readings import FloatArray, Origin, heading_text, in_degrees
+from sonarhw.errors import InputError, counted, heading_text, in_degrees
+from sonarhw.readings import FloatArray, Origin
 from sonarhw_compare.match import TOLERANCE, Comparison, Kind, Matched, Summary
 from sonarhw_compare.regions import Region
 from sonarhw_compare.score import (

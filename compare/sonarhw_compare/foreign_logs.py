@@ -14,7 +14,8 @@ import numpy as np
 from sonarhw.errors import InputError, counted
 from sonarhw.files import open_input
 from sonarhw.log import Log, read_log
-from sonarhw.readings import Reading, RobotPose, Trace, moved_by, speed_of_sound
+from sonarhw.readings import Reading, RobotPose, Trace, moved_by
+from sonarhw.sound_speed import speed_of_sound
 from sonarhw_compare.foreign_rows import (
     MOST_READINGS,
     ForeignRow,

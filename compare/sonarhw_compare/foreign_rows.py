@@ -14,7 +14,8 @@ import numpy as np
 
 from sonarhw.errors import InputError
 from sonarhw.files import open_input
-from sonarhw.readings import Reading, RobotPose, Trace, speed_of_sound
+from sonarhw.readings import Reading, RobotPose, Trace
+from sonarhw.sound_speed import speed_of_sound
 from sonarhw.text.decoder import encoding_of
 from sonarhw.wire.messages import MOST_DEGREES
 

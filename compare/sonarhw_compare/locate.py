@@ -13,8 +13,8 @@ from sonarhw_sim.board.profile import Board, without_own_body
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
 from sonarhw_sim.room.room import Place, Room, place_at
 
-from sonarhw.errors import InputError, counted, deviation_text, estimate_text
-from sonarhw.readings import FloatArray, Reading, angle_difference, estimate_degrees, turned_near
+from sonarhw.errors import InputError, counted, deviation_text, estimate_degrees, estimate_text, turned_near
+from sonarhw.readings import FloatArray, Reading, angle_difference
 from sonarhw_compare.corrections import MIRRORED
 from sonarhw_compare.fit.fitting import check_fit
 from sonarhw_compare.fit.objective import MODERATE, Problem, make_problem

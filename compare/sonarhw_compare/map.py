@@ -17,8 +17,8 @@ from sonarhw_sim.rays.paths import Paths
 from sonarhw_sim.room.room import Room, parse_room
 
 from sonarhw import arguments
-from sonarhw.errors import counted
-from sonarhw.readings import BoolArray, FloatArray, angle_difference, in_degrees
+from sonarhw.errors import counted, in_degrees
+from sonarhw.readings import BoolArray, FloatArray, angle_difference
 from sonarhw_compare.arcs import (
     CERTAIN,
     FARTHEST,

@@ -13,7 +13,8 @@ from sonarhw_sim.predict.predicted_scan import PredictedScan, nearest_paths
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_along, predict_with
 from sonarhw_sim.room.room import Place, Room
 
-from sonarhw.readings import FloatArray, Origin, Reading, in_degrees
+from sonarhw.errors import in_degrees
+from sonarhw.readings import FloatArray, Origin, Reading
 
 # m, largest residual of a match; slightly over 5 cm, for boards that report whole centimetres
 TOLERANCE = 0.05 + 1e-9

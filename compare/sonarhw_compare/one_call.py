@@ -25,7 +25,8 @@ from sonarhw.errors import InputError, counted
 from sonarhw.files import atomic_file
 from sonarhw.host.scanner import Scanner
 from sonarhw.log import Log, LogMetadata
-from sonarhw.readings import Reading, ScanAir, ScanOrder, sector
+from sonarhw.readings import Reading, ScanOrder, sector
+from sonarhw.sound_speed import ScanAir
 from sonarhw.wire.messages import seconds_of
 from sonarhw_compare.scanner_url import check_turns, open_scanner
 from sonarhw_compare.scans import (

@@ -20,9 +20,9 @@ from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.room.room import Place, Room
 
-from sonarhw.errors import harmless
+from sonarhw.errors import harmless, heading_text, in_degrees
 from sonarhw.log import Log, LogMetadata
-from sonarhw.readings import FloatArray, Origin, Reading, Trace, heading_text, in_degrees
+from sonarhw.readings import FloatArray, Origin, Reading, Trace
 from sonarhw_compare import pictures
 from sonarhw_compare.corrections import agreement_doubts
 from sonarhw_compare.drawings import draw_map, draw_room

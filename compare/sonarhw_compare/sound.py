@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 
-from sonarhw.readings import FloatArray, heading_text
+from sonarhw.errors import heading_text
+from sonarhw.readings import FloatArray
 from sonarhw_compare.explain import LengthText, RankedEcho, describe_path, in_metres, ranked_echoes
 
 # Where sound is on a path at a given time: pure functions on points and lengths.

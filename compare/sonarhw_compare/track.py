@@ -20,17 +20,8 @@ from sonarhw_sim.rays.paths import RAYS
 from sonarhw_sim.room.room import Place, Room, load_room, place_at, warn_of_poses
 
 from sonarhw import arguments
-from sonarhw.errors import InputError, counted, counted_are
-from sonarhw.readings import (
-    BoolArray,
-    FloatArray,
-    Reading,
-    RobotPose,
-    heading_text,
-    in_degrees,
-    moved_by,
-    step_between,
-)
+from sonarhw.errors import InputError, counted, counted_are, heading_text, in_degrees
+from sonarhw.readings import BoolArray, FloatArray, Reading, RobotPose, moved_by, step_between
 from sonarhw_compare.fit.likelihood import ReadingNoise, ScanArrays
 from sonarhw_compare.fit.objective import Objective, Problem
 from sonarhw_compare.fit.parameters import free_parameters

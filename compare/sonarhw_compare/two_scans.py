@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from sonarhw_sim.board.profile import Board
 
-from sonarhw.errors import InputError, counted
-from sonarhw.readings import FloatArray, Reading, angle_difference, heading_text, in_degrees
+from sonarhw.errors import InputError, counted, heading_text, in_degrees
+from sonarhw.readings import FloatArray, Reading, angle_difference
 
 CSV_HEADER = (
     "heading_deg,first_m,second_m,difference_m,limit_m,change,first_pings,first_echoes,second_pings,second_echoes"

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Self
 
-from sonarhw.readings import speed_of_sound
+from sonarhw.sound_speed import speed_of_sound
 
 # the state of the air, and the absorption of sound in it
 

@@ -28,8 +28,9 @@ from sonarhw.host.session import PATIENCE, RECONNECT, Connection, Recorder, Sess
 from sonarhw.link import MOST, Link, LinkStatistics, PortFinder
 from sonarhw.log import LogWriter
 from sonarhw.plugins.plugin_device import PluginLink
-from sonarhw.readings import Reading, ScanAir, ScanOrder, sector
+from sonarhw.readings import Reading, ScanOrder, sector
 from sonarhw.scan_check import Reach, check_scan
+from sonarhw.sound_speed import ScanAir
 from sonarhw.wire import messages
 from sonarhw.wire.limits import MAX_ECHOES, MOST_READINGS
 from sonarhw.wire.readings_of_frames import start_scan

@@ -16,12 +16,12 @@ from sonarhw.readings import (
     MARK_OVERRUN,
     FloatArray,
     Reading,
-    ScanAir,
     lost_steps_clause,
     nearest_mark,
     split_at_homings,
     unverified_clause,
 )
+from sonarhw.sound_speed import ScanAir
 from sonarhw.wire import limits, messages
 from sonarhw.wire.readings_of_frames import DeviceClock, Progress, broken_settings_rule, scan_order
 

@@ -19,8 +19,9 @@ from sonarhw.errors import DeviceError, LinkError, LinkLost, SonarError
 from sonarhw.link import READ_PATIENCE, LinkStatistics
 from sonarhw.plugins.device_plugin import CheckedPlugin, Measurement, start_of
 from sonarhw.plugins.sweep_tracker import Placed, SweepTracker
-from sonarhw.readings import FloatArray, ScanOrder, speed_of_sound
+from sonarhw.readings import FloatArray, ScanOrder
 from sonarhw.scan_check import ENOUGH_MOTION, Doubt, check_motion, jumps
+from sonarhw.sound_speed import speed_of_sound
 from sonarhw.wire import messages
 from sonarhw.wire.limits import MAX_ECHOES, PROTOCOL_MAJOR, PROTOCOL_MINOR
 from sonarhw.wire.readings_of_frames import scan_order

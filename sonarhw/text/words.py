@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from sonarhw.readings import speed_of_sound
+from sonarhw.sound_speed import speed_of_sound
 
 
 class ColumnKind(StrEnum):

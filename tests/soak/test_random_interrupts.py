@@ -40,6 +40,7 @@ COMMANDS = (
     f"report log.mcap {ROOM} --out new/report.html",
     "locate log.mcap --room simple",
     f"fit log.mcap {ROOM} --free position,heading",
+    "track log.mcap --room simple",
     "map log.mcap --pose 0.774,0.085,0 --out new/map.png",
     "study study.toml --out new/study",
     "import scan.csv --heading deg --range m --out new/scan.mcap",

@@ -15,8 +15,8 @@ from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.room.room import Place, Room, parse_room
 from sonarhw_sim.room.room_writing import with_air, with_place
 
-from sonarhw.errors import InputError, counted, harmless
-from sonarhw.readings import FloatArray, Reading, turned_near
+from sonarhw.errors import InputError, counted, harmless, turned_near
+from sonarhw.readings import FloatArray, Reading
 from sonarhw_compare.corrections import correction_doubt
 from sonarhw_compare.edits import below_header, set_marked
 from sonarhw_compare.fit.objective import COARSE, MODERATE, Problem, make_problem

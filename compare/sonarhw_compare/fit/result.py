@@ -9,8 +9,8 @@ from sonarhw_sim.board.profile import Board
 from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.room.room import Place, Room
 
-from sonarhw.errors import InputError, deviation_text, estimate_text, with_unit
-from sonarhw.readings import FloatArray, Reading, estimate_degrees
+from sonarhw.errors import InputError, deviation_text, estimate_degrees, estimate_text, with_unit
+from sonarhw.readings import FloatArray, Reading
 from sonarhw_compare.fit.parameters import Parameter
 from sonarhw_compare.fit.quantities import ROOM_TOLERANCE, WALL, BoardQuantity, Quantity
 from sonarhw_compare.match import Summary

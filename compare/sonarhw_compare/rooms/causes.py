@@ -13,8 +13,8 @@ from sonarhw_sim.board.profile import Board, of_own_body
 from sonarhw_sim.room.room import Place, Room
 from sonarhw_sim.room.room_writing import changed_room, section
 
-from sonarhw.errors import InputError
-from sonarhw.readings import FloatArray, Reading, in_degrees
+from sonarhw.errors import InputError, in_degrees
+from sonarhw.readings import FloatArray, Reading
 from sonarhw_compare.arcs import POSSIBLE, arcs_of
 from sonarhw_compare.edits import Point, add_post, add_wall, set_material
 from sonarhw_compare.explain import LengthText, in_metres

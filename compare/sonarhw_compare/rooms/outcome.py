@@ -13,8 +13,8 @@ from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.room import Place, Room, parse_room
 from tomlkit.items import AoT, Table
 
-from sonarhw.errors import counted, harmless
-from sonarhw.readings import FloatArray, in_degrees
+from sonarhw.errors import counted, harmless, in_degrees
+from sonarhw.readings import FloatArray
 from sonarhw_compare.free_space import find_free_space
 from sonarhw_compare.locate import Pose
 from sonarhw_compare.map import RoomMap, rounded_point

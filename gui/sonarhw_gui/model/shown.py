@@ -19,7 +19,8 @@ from sonarhw_compare.two_scans import HeadingSeries, heading_series
 from sonarhw_sim.predict.predicted_scan import PredictedScan, standpoints
 from sonarhw_sim.room.room import Place, Room
 
-from sonarhw.readings import FloatArray, Origin, Reading, heading_text
+from sonarhw.errors import heading_text
+from sonarhw.readings import FloatArray, Origin, Reading
 from sonarhw_gui.jobs.forecast import ComparedScan
 from sonarhw_gui.jobs.traces import BScans, ChosenTrace
 from sonarhw_gui.model.look import Class, LengthUnit, Look, ViewLayer

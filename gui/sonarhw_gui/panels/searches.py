@@ -22,8 +22,8 @@ from sonarhw_compare.pictures import points_at
 from sonarhw_sim.predict.predicted_scan import standpoints
 from sonarhw_sim.room.room import Room
 
-from sonarhw.errors import InputError, counted
-from sonarhw.readings import BoolArray, FloatArray, in_degrees
+from sonarhw.errors import InputError, counted, in_degrees
+from sonarhw.readings import BoolArray, FloatArray
 from sonarhw_gui.jobs import searches
 from sonarhw_gui.jobs.searches import rows
 from sonarhw_gui.model.edits import Edit, with_room

@@ -27,7 +27,8 @@ from sonarhw.host.scanner import DeviceInfo, Scanner, ScanPlan, probe_port, reco
 from sonarhw.host.session import Connection
 from sonarhw.link import LinkStatistics, Port, serial_ports
 from sonarhw.log import LogMetadata, LogWriter
-from sonarhw.readings import FloatArray, Origin, Reading, ScanAir, ScanOrder, Trace, origin_of
+from sonarhw.readings import FloatArray, Origin, Reading, ScanOrder, Trace, origin_of
+from sonarhw.sound_speed import ScanAir
 from sonarhw.text_device import guess_lines
 from sonarhw.wire.messages import Outcome
 from sonarhw_gui.jobs.files import free_name, with_newest

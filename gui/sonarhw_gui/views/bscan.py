@@ -17,7 +17,8 @@ from sonarhw_compare.pictures import RangeCells
 from sonarhw_sim.air import Air
 from sonarhw_sim.predict.predicted_scan import arm
 
-from sonarhw.readings import FloatArray, heading_text
+from sonarhw.errors import heading_text
+from sonarhw.readings import FloatArray
 from sonarhw_gui.jobs.traces import Arm, BScans, BScanSettings, ColourScale, Pane, flat_area, polar_area
 from sonarhw_gui.model.look import Look, ViewLayer
 from sonarhw_gui.model.scene import wall_lines

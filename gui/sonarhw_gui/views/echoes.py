@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QHBoxLayout, QTableWidget, QTableWidgetItem, QVBox
 from sonarhw_compare.explain import RankedEcho, outcome_text, ranked_echoes, remedy, remedy_text, runner_up
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 
-from sonarhw.readings import heading_text
+from sonarhw.errors import heading_text
 from sonarhw_gui.model.look import LengthUnit
 from sonarhw_gui.model.scene import decibels_text
 from sonarhw_gui.model.shown import Shown, is_same_question

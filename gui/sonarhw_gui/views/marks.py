@@ -13,7 +13,8 @@ from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QPainter, QPainterPath, QPen, QPixmap, QPolygonF, QTransform
 from PySide6.QtWidgets import QStyleOptionGraphicsItem, QWidget
 
-from sonarhw.readings import FloatArray, heading_text
+from sonarhw.errors import heading_text
+from sonarhw.readings import FloatArray
 from sonarhw_gui.model.look import LIGHT, MARKS, OVERLAYS, Class, LengthUnit, Look
 from sonarhw_gui.model.scene import NoteTexts
 from sonarhw_gui.model.shown import ClassPoints, Shown

@@ -14,7 +14,8 @@ from sonarhw_compare.pictures import points_at
 from sonarhw_compare.sound import Pulse, counted_position, moment_at
 from sonarhw_sim.room.room import Room
 
-from sonarhw.readings import FloatArray, heading_text
+from sonarhw.errors import heading_text
+from sonarhw.readings import FloatArray
 from sonarhw_gui.model.look import Class, Look, ViewLayer
 from sonarhw_gui.model.scene import beam_wedge, bounce_labels, half_power_angle, surface_outlines, wall_lines
 from sonarhw_gui.model.shown import NO_POINTS, NOT_FOUND, FoundDrawing, Shown, chosen_path

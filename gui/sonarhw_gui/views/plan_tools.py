@@ -10,8 +10,7 @@ from PySide6.QtCore import QPointF, Qt
 from sonarhw_compare.edits import POST, WALL, Point, corners, free_name
 from sonarhw_sim.room.room import Room
 
-from sonarhw.errors import InputError
-from sonarhw.readings import heading_text
+from sonarhw.errors import InputError, heading_text
 from sonarhw_gui.model import edits
 from sonarhw_gui.model.look import LengthUnit
 from sonarhw_gui.model.scene import Scene, decibels_text

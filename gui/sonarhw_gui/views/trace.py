@@ -14,7 +14,8 @@ from PySide6.QtGui import QActionGroup, QFont, QFontMetricsF
 from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
 from sonarhw_sim.air import Air
 
-from sonarhw.readings import FloatArray, heading_text
+from sonarhw.errors import heading_text
+from sonarhw.readings import FloatArray
 from sonarhw_gui.jobs.traces import ChosenTrace, Curve, NamedEcho, TraceCurves
 from sonarhw_gui.model.look import Look, ViewLayer
 from sonarhw_gui.model.scene import Scene

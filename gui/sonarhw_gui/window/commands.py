@@ -15,8 +15,9 @@ from PySide6.QtPrintSupport import QPrinter, QPrintPreviewDialog
 from PySide6.QtWidgets import QMainWindow, QMenu, QMenuBar, QMessageBox, QWidget
 from sonarhw_compare.scans import MOST_CHARACTERS, note_text
 
+from sonarhw.errors import heading_text
 from sonarhw.export import export_suffixes
-from sonarhw.readings import Reading, heading_text
+from sonarhw.readings import Reading
 from sonarhw_gui.model.look import DARK, LIGHT, LengthUnit, Look
 from sonarhw_gui.session.session import WindowSession
 from sonarhw_gui.session.showing import ShownModel

@@ -143,7 +143,7 @@ def test_a_port(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPa
 
 
 def test_an_import(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = tmp_path / "scan.csv"
+    path = tmp_path / "scan\x1b[2J.csv"
     path.write_text('deg,"\x1b[2Jm"\n0,"\x1b[2J"\n')
     columns = ("--heading", "deg", "--range", "\x1b[2Jm")
     assert r"\x1b[2J" in printed(capsys, "import", path, *columns, "--out", tmp_path / "out.mcap", status=2)

@@ -29,8 +29,8 @@ from sonarhw_gui.window.bars import Sentence
 from sonarhw_gui.window.window import MainWindow
 from sonarhw_sim.predict.prediction import predict_scan
 
+from sonarhw.errors import heading_text
 from sonarhw.log import read_log
-from sonarhw.readings import heading_text
 from tests.system.gui.conftest import OpenWith
 from tests.system.gui.driving import (
     LEFT,

@@ -13,7 +13,8 @@ from sonarhw_sim.room.room import load_room
 from sonarhw.device.fake_board import FakeBoard
 from sonarhw.device.served import serve
 from sonarhw.host.scanner import Scanner
-from sonarhw.readings import EchoSource, Reading, ScanOrder, sector, speed_of_sound
+from sonarhw.readings import EchoSource, Reading, ScanOrder, sector
+from sonarhw.sound_speed import speed_of_sound
 from tests.checkout import CHECKOUT
 from tests.fixtures.plain_echoes import PlainEchoes, echo_time
 

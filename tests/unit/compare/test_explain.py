@@ -27,8 +27,8 @@ from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, weigh_paths
 from sonarhw_sim.room.room import Place, load_room
 
-from sonarhw.errors import deviation_text, estimate_text
-from sonarhw.readings import FloatArray, estimate_degrees, heading_text, in_degrees
+from sonarhw.errors import deviation_text, estimate_degrees, estimate_text, heading_text, in_degrees
+from sonarhw.readings import FloatArray
 from tests.fixtures.predicted_readings import readings_of
 
 ARENA = load_room("arena")

@@ -11,13 +11,7 @@ import pytest
 from sonarhw.errors import LostSteps
 from sonarhw.host.scripts import homing, scanning
 from sonarhw.log import LogWriter, copy_log, read_log
-from sonarhw.readings import (
-    Reading,
-    first_unverified,
-    lost_steps_clause,
-    split_at_homings,
-    unverified_clause,
-)
+from sonarhw.readings import Reading, first_unverified, lost_steps_clause, split_at_homings, unverified_clause
 from sonarhw.wire.messages import StartScan
 from tests.fixtures.bench import Bench
 from tests.fixtures.example_logs import METADATA

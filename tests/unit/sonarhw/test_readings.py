@@ -2,7 +2,7 @@
 
 import pytest
 
-from sonarhw.readings import ScanAir, speed_of_sound
+from sonarhw.sound_speed import ScanAir, speed_of_sound
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from sonarhw_sim.predict.room_echoes import plate_echo
 
 from sonarhw.device.fake_board import FakeBoard
 from sonarhw.device.served import serve
-from sonarhw.readings import speed_of_sound
+from sonarhw.sound_speed import speed_of_sound
 from tests.fixtures.plate import Plate
 
 DISTANCE = 1.25

@@ -14,7 +14,7 @@ from sonarhw.device.fake_board import FakeBoard
 from sonarhw.device.served import serve
 from sonarhw.host.scanner import Scanner
 from sonarhw.log import read_log
-from sonarhw.readings import speed_of_sound
+from sonarhw.sound_speed import speed_of_sound
 from tests.checkout import CHECKOUT
 from tests.fixtures.plain_echoes import PlainEchoes
 
