@@ -67,7 +67,7 @@ pre { background: #f4f4f2; padding: 1em; overflow-x: auto; } .lead { font-size: 
 def html_page(title: str, body: Iterable[str]) -> str:
     """Return a page; `title` is plain text, `body` are lines of HTML."""
     head = f'<head><meta charset="utf-8"><title>{escaped(title)}</title><style>{_STYLE}</style></head>'
-    return "\n".join(("<!DOCTYPE html>", '<html lang="en">', head, "<body>", *body, "</body></html>"))
+    return "\n".join(("<!DOCTYPE html>", '<html lang="en">', head, "<body>", *body, "</body></html>\n"))
 
 
 def table_head(kind: str, names: Iterable[str]) -> Iterator[str]:
