@@ -275,6 +275,7 @@ def test_walls_appear_each_shows_its_readings_and_the_next_place_is_planned(
     window = open_with()
     panel, plan, session = window.finding, window.views.plan.drawing.found_room, window.session
     finding, legend, states = session.finding, window.legend.explained, list[FindState]()
+    window.legend.more.setChecked(True)
     with_scans(session, folder / "a.mcap", folder / "b.mcap")
     until(lambda: predicted(window))
     key(window, "Ctrl+M")
