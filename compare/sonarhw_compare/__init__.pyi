@@ -4,7 +4,8 @@ from .explain import describe_path, details, explain_reading
 from .fit import Estimate, FitOptions, FitResult, Parameter, PlacedScan, fit_scan, fit_scans, free_parameters
 from .fit.fitting import fitted_board, fitted_room
 from .fit.quantities import QUANTITIES, Quantity
-from .imports import ImportedScan, ImportOptions, import_scan
+from .foreign_rows import Meaning
+from .imports import CsvColumns, ImportedScan, ImportOptions, guess_columns, import_scan, read_foreign_scan
 from .locate import Located, Pose, locate_scan
 from .map import RoomMap, map_scans
 from .match import Comparison, Matched, Summary, compare_readings
@@ -15,6 +16,7 @@ from .score import RegionMatch, RegionPair, compare_regions
 __all__ = [
     "QUANTITIES",
     "Comparison",
+    "CsvColumns",
     "Estimate",
     "FitOptions",
     "FitResult",
@@ -22,6 +24,7 @@ __all__ = [
     "ImportedScan",
     "Located",
     "Matched",
+    "Meaning",
     "Parameter",
     "PlacedScan",
     "Pose",
@@ -45,9 +48,11 @@ __all__ = [
     "fitted_board",
     "fitted_room",
     "free_parameters",
+    "guess_columns",
     "import_scan",
     "locate_scan",
     "map_scans",
+    "read_foreign_scan",
     "report_html",
     "report_of",
 ]

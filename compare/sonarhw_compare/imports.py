@@ -25,9 +25,9 @@ from sonarhw.plugins.sweep_tracker import SweepTracker
 from sonarhw.readings import Origin, Reading, RobotPose
 from sonarhw.scan_check import ANY_BOARD, check_scan
 from sonarhw.text.decoder import Decoder, encoding_of, make_decoder, text_of, utf16_of
-from sonarhw.text.layouts import ColumnNames, Layout, Printed, column_names, layout_of
+from sonarhw.text.layouts import ColumnNames, Columns, Layout, Printed, column_names, columns_of, layout_of
 from sonarhw.text.proposals import NAMED_CLOCKWISE, LayoutProposal, TextTable, UnitChoice, propose, text_table
-from sonarhw.text.words import ANGLE_UNITS
+from sonarhw.text.words import ANGLE_UNITS, RANGE_UNITS
 from sonarhw.wire.messages import MOST_DEGREES
 from sonarhw_compare.foreign_bags import json_messages
 from sonarhw_compare.foreign_rows import LONGEST, MOST_READINGS, ForeignRow, Meaning, readings_of
@@ -575,3 +575,50 @@ def first_lines(file: Path) -> tuple[tuple[str, int], ...]:
     """Return the first lines of a text file, none of which is known to be a reading. Raises InputError."""
     lines = _decoded_text(_content(file)[: _MOST_OF_LINE * _SHOWN]).splitlines()[:_SHOWN]
     return tuple((line[:_MOST_OF_LINE], 0) for line in lines)
+
+
+# Names of earlier versions. New programs call `import_scan`.
+
+
+@dataclass(frozen=True)
+class CsvColumns:
+    """The names of the columns to import, and how the file is written. Deprecated: `ImportOptions`."""
+
+    heading: str
+    distance: str
+    time: str | None = None
+    decimal_comma: bool = False  # numbers such as 1,5 between semicolons or tabs
+
+
+def read_foreign_scan(file: Path, columns: CsvColumns, meaning: Meaning) -> list[Reading]:
+    """Return the readings of a CSV file, at least one. Deprecated: `import_scan`. Raises InputError."""
+    options = ImportOptions(
+        angle="deg",
+        heading=columns.heading,
+        range=columns.distance,
+        time=columns.time or "",
+        decimal_comma=columns.decimal_comma,
+        scale=meaning.scale,
+        turn="ccw",
+        no_echo=meaning.no_echo,
+        speed_of_sound=meaning.speed_of_sound,
+    )
+    turned, zero = (meaning.sign or 1.0) * meaning.unit_deg, math.radians(meaning.zero)
+    return [replace(reading, angle=zero + turned * reading.angle) for reading in import_scan(file, options).readings]
+
+
+def guess_columns(file: Path) -> tuple[CsvColumns, Meaning]:
+    """Return the columns, by their names, and the unit of the range that its name states, by default metres.
+
+    Deprecated: `import_scan` does both. Raises InputError if the names do not say which columns they are.
+    """
+    table = columns_of_file(file)
+    if table is None or not table.header:
+        raise InputError(f"{file}: expected a header with the names of the columns; name them in `import_scan`")
+    columns = columns_of(table.names)
+    if not isinstance(columns, Columns):
+        problem = columns or "no name of a heading and a range"
+        raise InputError(f"{file}: {problem} in {', '.join(table.names)}; name the columns in `import_scan`")
+    time = None if columns.time is None else table.names[columns.time]
+    named = CsvColumns(table.names[columns.heading], table.names[columns.ranges[0]], time)
+    return named, Meaning(RANGE_UNITS[columns.range.unit or "m"])

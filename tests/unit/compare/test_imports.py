@@ -2,11 +2,13 @@
 
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import sonarhw_compare
 from sonarhw_compare.imports import ImportedScan, ImportOptions, import_scan
 
 from sonarhw.errors import InputError
@@ -191,3 +193,20 @@ def test_silence_without_a_number_is_in_no_mean() -> None:
 )
 def test_the_unit_is_the_last_digit_of_the_ranges(ranges: list[float], scale: float, unit: float) -> None:
     assert unit_of(np.array(ranges) * scale, scale) == pytest.approx(unit)
+
+
+def test_names_of_earlier_versions_read_the_same_scan(tmp_path: Path) -> None:
+    assert all(getattr(sonarhw_compare, name).__name__ for name in sonarhw_compare.__all__ if name != "QUANTITIES")
+    file = tmp_path / "scan.csv"
+    file.write_text("no,angle_deg,range_cm,time_s\n" + "".join(f"{k},{9 * k},{100 + k},{k / 10}\n" for k in range(8)))
+    columns, meaning = sonarhw_compare.guess_columns(file)
+    assert columns == sonarhw_compare.CsvColumns("angle_deg", "range_cm", "time_s")
+    assert meaning == sonarhw_compare.Meaning(0.01)
+    clockwise = replace(meaning, sign=-1.0, zero=30.0, unit_deg=2.0, no_echo=103.0)
+    readings = sonarhw_compare.read_foreign_scan(file, columns, clockwise)
+    assert [round(math.degrees(reading.angle), 6) for reading in readings] == [30 - 18 * k for k in range(8)]
+    expected = [None if k == 3 else pytest.approx(1 + k / 100) for k in range(8)]
+    assert [reading.range for reading in readings] == expected
+    file.write_text("a,b\n1,2\n2,3\n3,4\n4,5\n")
+    with pytest.raises(InputError, match="name the columns"):
+        sonarhw_compare.guess_columns(file)
