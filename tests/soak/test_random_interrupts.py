@@ -7,10 +7,12 @@ import subprocess
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 from sonarhw_cli.app import run
 from sonarhw_cli.entry import INTERRUPTED
 
+import sonarhw
 from sonarhw.log import read_log
 from tests.checkout import CHECKOUT
 from tests.conftest import Count
@@ -40,7 +42,7 @@ COMMANDS = (
     f"report log.mcap {ROOM} --out new/report.html",
     "locate log.mcap --room simple",
     f"fit log.mcap {ROOM} --free position,heading",
-    "track log.mcap --room simple",
+    "track drive.mcap --room simple",
     "map log.mcap --pose 0.774,0.085,0 --out new/map.png",
     "study study.toml --out new/study",
     "import scan.csv --heading deg --range m --out new/scan.mcap",
@@ -88,9 +90,14 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     """Return the files that are there before each command."""
     log = tmp_path_factory.mktemp("inputs") / "log.mcap"
     assert run(["simulate", "simple", "--place", "figure9", "--out", str(log)]) == 0
+    drive = log.with_name("drive.mcap")
+    poses = [(0.77 + 0.01 * (step // 8), 0.08, 0.0) for step in range(72)]
+    scan = sonarhw.scan_from_arrays(np.arange(72) % 8, 1 + 0.01 * np.arange(72), pose=poses, times=np.arange(72) // 8)
+    sonarhw.save_scan(scan, drive)
     return {
         "log.mcap": log.read_bytes(),
         "old.mcap": log.read_bytes(),
+        "drive.mcap": drive.read_bytes(),
         "scan.csv": b"deg,m\n" + b"".join(b"%d,1\n" % angle for angle in range(0, 360, 5)),
         "plan.geojson": b'{"type": "Polygon", "coordinates": [[[0, 0], [3, 0], [3, 2], [0, 2], [0, 0]]]}',
         "study.toml": STUDY.format(CHECKOUT / "rooms" / "simple.toml").encode(),

@@ -316,7 +316,7 @@ def test_walls_appear_each_shows_its_readings_and_the_next_place_is_planned(
     keep_pictures(window, "found")
     item = panel.list.item(1)
     size = panel.list.visualItemRect(item)
-    item.setText(f"post 1 · radius 0.150 m · ± 13.4 mm, ± 13.4 mm\n{item.text()}")  # wrapped, not cut
+    item.setText(f"{'post 1 · radius 0.150 m · ± 13.4 mm, ± 13.4 mm ' * 3}\n{item.text()}")  # wrapped, not cut
     taller = panel.list.visualItemRect(item)
     assert (taller.height() - size.height()) / panel.list.fontMetrics().height() > 1.9
     assert taller.width() <= panel.list.viewport().width()
