@@ -10,6 +10,7 @@ import time
 import tomllib
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import NamedTuple
@@ -306,6 +307,43 @@ def test_a_device_that_falls_silent_ends_its_scan(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(plugin_device, "SILENCE", 0.2)
     with open_device(Silent(None)) as scanner, pytest.raises(DeviceError, match=r"no reading for 0\.2 s"):
         list(scanner.scan(ScanOrder(0.0, 1.0, 1, 1000)))
+
+
+class Played(Spoiled):
+    """A device that measures 1 m all the time, 100 readings at once, but 2 m after `end`. It then rests until `begin`."""
+
+    def __init__(self) -> None:
+        super().__init__(None)
+        self._range, self._rests = 1.0, False
+
+    def read(self) -> list[Measurement]:
+        good = [] if self._rests else [super(Played, self).read()[0] for _ in range(100)]
+        return [replace(item, ranges=(self._range + k % 7 / 10,)) for k, item in enumerate(good)]
+
+    def begin(self, order: ScanOrder) -> bool:
+        self._rests = False
+        return True
+
+    def end(self) -> None:
+        self._range, self._rests = 2.0, True
+
+
+def test_a_scan_has_no_measurements_from_before_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plugin_device, "FRESH", 0.0)
+    with open_device(Played()) as scanner:
+        scans = [[reading.range or 0 for reading in scanner.scan()] for _ in range(2)]
+    assert max(scans[0]) < 1.9 < min(scans[1])
+
+
+def test_a_table_that_stands_still_ends_its_scan_and_keeps_the_readings() -> None:
+    class Still(Spoiled):
+        def read(self) -> list[Measurement]:
+            time.sleep(0.001)
+            self._count += 1
+            return [Measurement(0.5, (1.0 + self._count % 9,), time=time.time() + 0.5 * self._count)]
+
+    with open_device(Still(None)) as scanner, pytest.raises(DeviceError, match=r"the angle was 28\.6.*servo turns"):
+        list(scanner.scan())
 
 
 def test_a_scan_keeps_its_good_measurements() -> None:

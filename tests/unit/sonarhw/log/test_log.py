@@ -12,7 +12,7 @@ from mcap_protobuf.decoder import DecoderFactory
 
 from sonarhw.errors import LogError, SonarError
 from sonarhw.log import LogWriter, copy_log, read_log
-from sonarhw.log.writer import write_scan
+from sonarhw.log.writer import OpenSweeps, write_scan
 from sonarhw.readings import Reading, Trace
 from sonarhw.wire.frames import Frame, encode_frame
 from sonarhw.wire.messages import Message
@@ -216,3 +216,10 @@ def test_the_writer_counts_the_readings_that_the_log_will_have(tmp_path: Path) -
         writer.reading(example_reading(0))
         assert writer.count == 3
     assert len(read_log(path).readings) == 3
+
+
+def test_a_sweep_of_unknown_length_is_over_when_no_reading_of_it_can_be_sent_again() -> None:
+    sweeps = OpenSweeps()
+    over = [sweeps.add(replace(example_reading(k), sweep=int(k > 9)), None) for k in range(100)]
+    assert [k for k, ready in enumerate(over) if ready] == [9 + 64]  # readings that a device keeps
+    assert [[one.number for one in sweep] for sweep in over[73]] == [[*range(10)]]

@@ -83,6 +83,18 @@ def test_a_restart_ends_a_sweep_that_is_not_whole() -> None:
     assert [numbers.count(sweep) for sweep in range(3)] == [151, 60, 151]
 
 
+def test_a_loss_ends_a_sweep_that_is_not_whole() -> None:
+    tracker = SweepTracker()
+    tracker.want(2)
+    placed = [one for angle in UP + DOWN + UP[:60] for one in tracker.add(at(angle))]
+    tracker.gap()
+    placed += [one for angle in DOWN + UP + DOWN[:9] if not tracker.done for one in tracker.add(at(angle))]
+    numbers = [one.sweep for one in placed]
+    assert tracker.done
+    # the newest angle before the loss is not confirmed
+    assert [numbers.count(sweep) for sweep in range(4)] == [151, 59, 151, 151]
+
+
 def test_a_line_of_text_after_each_sweep_is_no_restart() -> None:
     once = [*range(0, 181, 4)]
     sweep = [at(once[0], restarted=True), *(at(angle) for angle in once[1:])]
