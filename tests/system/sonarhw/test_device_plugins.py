@@ -4,6 +4,7 @@ import errno
 import importlib
 import json
 import math
+import random
 import sys
 import threading
 import time
@@ -310,7 +311,7 @@ def test_a_device_that_falls_silent_ends_its_scan(monkeypatch: pytest.MonkeyPatc
 
 
 class Played(Spoiled):
-    """A device that measures 1 m all the time, 100 readings at once, but 2 m after `end`. It then rests until `begin`."""
+    """A device that measures 1 m, 100 readings at once, and 2 m after its first `end`. It rests until `begin`."""
 
     def __init__(self) -> None:
         super().__init__(None)
@@ -335,14 +336,22 @@ def test_a_scan_has_no_measurements_from_before_it(monkeypatch: pytest.MonkeyPat
     assert max(scans[0]) < 1.9 < min(scans[1])
 
 
-def test_a_table_that_stands_still_ends_its_scan_and_keeps_the_readings() -> None:
-    class Still(Spoiled):
+@pytest.mark.parametrize(
+    ("degrees", "message"),
+    [
+        ([30] * 100, r"the angle was 30° in \d+ readings.*servo turns"),
+        ([*range(0, 180, 5)], "the angles jump at random"),
+    ],
+)
+def test_a_scan_of_a_table_that_does_not_sweep_fails(degrees: list[int], message: str) -> None:
+    class Lost(Spoiled):
         def read(self) -> list[Measurement]:
             time.sleep(0.001)
             self._count += 1
-            return [Measurement(0.5, (1.0 + self._count % 9,), time=time.time() + 0.5 * self._count)]
+            angle = math.radians(random.Random(self._count).choice(degrees))
+            return [Measurement(angle, (1.0 + self._count % 9,), time=time.time() + 0.5 * self._count)]
 
-    with open_device(Still(None)) as scanner, pytest.raises(DeviceError, match=r"the angle was 28\.6.*servo turns"):
+    with open_device(Lost(None)) as scanner, pytest.raises(DeviceError, match=message):
         list(scanner.scan())
 
 
