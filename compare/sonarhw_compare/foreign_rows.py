@@ -162,9 +162,9 @@ def opened(file: Path, expected: str = "text") -> Iterator[TextIO]:
     """Open a text file in UTF-8, UTF-16 or cp1252. Raises InputError for what is not text, or not `expected`."""
     try:
         with open_input(file, _MOST_BYTES) as data:
-            encoding = encoding_of(data.read(_START))
+            encoding = encoding_of(data.read(_START)) or "utf-8"
             data.seek(0)
-            with TextIOWrapper(data, encoding=encoding, newline="") as text:
+            with TextIOWrapper(data, encoding=encoding.replace("utf-8", "utf-8-sig"), newline="") as text:
                 yield text
     except InputError:  # of the reader of the text
         raise

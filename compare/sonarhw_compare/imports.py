@@ -384,7 +384,7 @@ def as_long_text(where: str, data: bytes, step: float) -> bytes:
 
     `step`: degrees from one sensor of a ROS topic to the next. Raises InputError for a table that lacks columns.
     """
-    head = data[:4096].decode(encoding_of(data[:4096]), "replace").lstrip("\ufeff")
+    head = _decoded_text(data[:4096])
     separator = next((mark for mark in ("\t", ";", ",") if mark in head.partition("\n")[0]), "")
     try:
         if head.startswith(_ROS_CSV):
@@ -397,7 +397,7 @@ def as_long_text(where: str, data: bytes, step: float) -> bytes:
 
 
 def _decoded_text(data: bytes) -> str:
-    return data.decode(encoding_of(data), "replace").lstrip("\ufeff")
+    return data.decode(encoding_of(data) or "utf-8", "replace").lstrip("\ufeff")
 
 
 def _is_wide(head: str, separator: str) -> bool:

@@ -215,6 +215,7 @@ def utf16_of(start: bytes) -> str | None:
 
 
 _SPACES = " \r\n\v\f"
+_CONTROL = re.compile(rb"[\0-\x08\x0e-\x1f]")
 _MOST_FOREIGN = 0.25  # share of bytes above 127 in a text in cp1252
 _FEWEST_FOREIGN = 5  # bytes of a line in cp1252; fewer are noise
 
@@ -224,30 +225,25 @@ def text_of(raw: bytes) -> tuple[str | None, str]:
 
     A tab at the end stays: an empty cell follows it.
     """
-    encoding = _encoding(raw, whole=True)
-    if encoding is None or (encoding == "cp1252" and len(raw) < _FEWEST_FOREIGN):
+    encoding = encoding_of(raw, line=True)
+    if encoding is None:
         return None, "utf-8"
     line = raw.decode(encoding, "replace").replace("\ufeff", "").lstrip().rstrip(_SPACES)
     plain = line.replace("\t", " ").replace("\r", " ").replace("\n", " ")
     return (line, encoding) if plain.isprintable() and "\ufffd" not in line else (None, "utf-8")
 
 
-def encoding_of(start: bytes) -> str:
-    """Return the encoding of a text by its first bytes; UTF-8 if they are no text in any."""
-    if utf16_of(start):
-        return "utf-16"
-    is_text = not any(byte < 32 and byte not in b"\t\r\n" for byte in start)
-    return "cp1252" if is_text and _encoding(start, whole=False) == "cp1252" else "utf-8-sig"
+def encoding_of(data: bytes, line: bool = False) -> str | None:
+    """Return the encoding of a `line`, or of a text by its first bytes: UTF-8, UTF-16 with its mark, or cp1252.
 
-
-def _encoding(raw: bytes, whole: bool) -> str | None:
-    """Return UTF-8, or cp1252 if few bytes are above 127; None if it is neither.
-
-    If it is not `whole`, a part of the last character may be missing.
+    It is cp1252 if few bytes are above 127. None if it is no text. The last character of first bytes may be cut.
     """
+    if not line and utf16_of(data):
+        return "utf-16"
     try:
-        codecs.getincrementaldecoder("utf-8")().decode(raw, final=whole)
+        codecs.getincrementaldecoder("utf-8")().decode(data, final=line)
     except UnicodeDecodeError:
-        foreign = sum(byte > 127 for byte in raw)
-        return "cp1252" if foreign <= max(1, _MOST_FOREIGN * len(raw)) else None
+        foreign = sum(byte > 127 for byte in data)
+        is_text = foreign <= max(1, _MOST_FOREIGN * len(data)) and not _CONTROL.search(data)
+        return "cp1252" if is_text and len(data) >= _FEWEST_FOREIGN else None
     return "utf-8"
