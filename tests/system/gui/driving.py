@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pyqtgraph as pg
-from PySide6.QtCore import QPoint, QPointF, Qt
+from PySide6.QtCore import QEventLoop, QPoint, QPointF, Qt, QTimer
 from PySide6.QtGui import QContextMenuEvent, QKeySequence
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QDialog, QMenu, QWidget
@@ -24,12 +24,19 @@ PATIENCE = round(1000 * HANG)  # ms
 LEFT = Qt.MouseButton.LeftButton
 
 
+def pause(duration: int) -> None:
+    """Process events for a time, ms. `QTest.qWait` would keep the lock of the interpreter, so that no thread runs."""
+    loop = QEventLoop()
+    QTimer.singleShot(duration, loop.quit)
+    loop.exec()
+
+
 def until(condition: Callable[[], object]) -> None:
     """Process events until a condition holds."""
     deadline = time.monotonic() + HANG
     while not condition():
         assert time.monotonic() < deadline, "not so within the time after which something hangs"
-        QTest.qWait(10)
+        pause(10)
 
 
 def key(widget: QWidget, *names: str) -> None:
@@ -147,6 +154,6 @@ def keep_pictures(window: MainWindow, name: str) -> None:
         window.session.showing.set_look(look)
         for width, height in ((1024, 600), (1280, 800)):
             window.resize(width, height)
-            QTest.qWait(300)  # only for pictures, which are looked at
+            pause(300)  # only for pictures, which are looked at
             window.grab().save(str(Path(folder) / f"{name}_{look.palette.name}_{width}.png"))
     window.session.showing.set_look(light)

@@ -12,6 +12,8 @@ from shiboken6 import Shiboken
 from sonarhw_gui.jobs.searches import ACCURACIES
 from sonarhw_gui.window.window import MainWindow
 
+from tests.system.gui.driving import pause
+
 _KEYS = (
     *(Qt.Key.Key_Left, Qt.Key.Key_Right, Qt.Key.Key_Up, Qt.Key.Key_Down, Qt.Key.Key_Tab, Qt.Key.Key_Return),
     *(Qt.Key.Key_Escape, Qt.Key.Key_Space, Qt.Key.Key_Delete, Qt.Key.Key_Home, Qt.Key.Key_PageUp, Qt.Key.Key_N),
@@ -63,7 +65,7 @@ class Monkey:
             if self._target is None or Shiboken.isValid(self._target):
                 raise
             done = "an action that closed its own widget"
-        QTest.qWait(self._random.choice((0, 0, 1, 40)))
+        pause(self._random.choice((0, 0, 1, 40)))
         return done
 
     def every_command(self) -> list[QAction]:
@@ -97,7 +99,7 @@ class Monkey:
         for _ in range(self._random.randint(1, 6)):
             at = at + QPoint(self._random.randint(-60, 60), self._random.randint(-60, 60))
             QTest.mouseMove(widget, at)
-            QTest.qWait(15)  # about one frame of a display
+            pause(15)  # about one frame of a display
         QTest.mouseRelease(widget, _LEFT, pos=at)
         return text
 

@@ -28,7 +28,7 @@ from sonarhw.log import read_log
 from tests.checkout import CHECKOUT
 from tests.fixtures.window_scene import ROOM
 from tests.system.gui.conftest import ORDER, OpenFake, OpenWith
-from tests.system.gui.driving import activate, click, dialog_of, drawn, key, predicted, push, until
+from tests.system.gui.driving import activate, click, dialog_of, drawn, key, pause, predicted, push, until
 
 
 def tab_stops(window: MainWindow) -> list[QWidget]:
@@ -55,14 +55,14 @@ def test_every_tab_stop_has_a_name_every_key_one_meaning_and_one_dialog_is_open_
     dialog_of(window).close()
     for wait in (0, 1, 40):  # another dialog may follow a print preview at once
         window.commands.print_view.trigger()
-        QTest.qWait(wait)
+        pause(wait)
         window.commands.open_log.trigger()
-        QTest.qWait(300)  # the preview draws later
+        pause(300)  # the preview draws later
         assert [type(one) for one in window.findChildren(QDialog) if one.isVisible()] == [QFileDialog]
     dialog_of(window).close()
     for action in (*window.dock_openers, *window.commands.views, window.commands.play_sound):
         action.trigger()
-        QTest.qWait(20)
+        pause(20)
     stops = tab_stops(window)
     assert len(stops) > 60
     assert [f"{type(stop).__name__} in {type(stop.parent()).__name__}" for stop in stops if not spoken_name(stop)] == []

@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PySide6.QtCore import QObject
-from PySide6.QtTest import QTest
 from pytestqt.exceptions import capture_exceptions
 from sonarhw_compare.match import compare_readings
 from sonarhw_gui.jobs.forecast import (
@@ -42,7 +41,7 @@ from sonarhw.readings import FloatArray, Reading, Trace
 from tests.conftest import Count
 from tests.hang_guard import HANG
 from tests.system.gui.conftest import ORDER, working_threads
-from tests.system.gui.driving import push, until
+from tests.system.gui.driving import pause, push, until
 
 # jobs
 
@@ -378,7 +377,7 @@ def test_parts_of_an_update_take_turns_and_each_shows_the_last_change(qapp: obje
     turns.soon()
     turns.all_now()
     assert [part for part, _ in drawn[4:]] == [0, 1, 2]
-    QTest.qWait(20)
+    pause(20)
     assert len(drawn) == 7  # without a change, nothing is due
     frames: list[int] = []
     turns = Turns([partial(frames.append, part) for part in range(3)], 1, owner)
@@ -386,7 +385,7 @@ def test_parts_of_an_update_take_turns_and_each_shows_the_last_change(qapp: obje
     turns.advance()
     assert frames == [0, 1]
     until(lambda: len(frames) >= 4)
-    QTest.qWait(20)
+    pause(20)
     assert frames == [0, 1, 2, 0]  # each part was updated after the last frame
 
 

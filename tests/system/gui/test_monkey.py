@@ -13,7 +13,6 @@ from pathlib import Path
 
 import pytest
 from PySide6.QtCore import QCoreApplication, QEvent, QtMsgType
-from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QDialog
 from pytestqt.exceptions import capture_exceptions
 from sonarhw_compare.scans import notes_path
@@ -29,7 +28,7 @@ from tests.checkout import CHECKOUT
 from tests.conftest import Count
 from tests.system.gui.conftest import OpenFake, OpenWith
 from tests.system.gui.dense_scan import dense_log
-from tests.system.gui.driving import predicted, until
+from tests.system.gui.driving import pause, predicted, until
 from tests.system.gui.monkey import Monkey
 
 SEED = 16
@@ -119,7 +118,7 @@ def test_files_in_turns_raise_no_error_and_keep_the_memory(
                     dialog.import_button.click()
                     dialog.close()
             until(lambda: not window.session.jobs.busy("open files"))
-            QTest.qWait(60)  # two ticks
+            pause(60)  # two ticks
             until(lambda: window.session.shown.scene.room is None or predicted(window))
             assert not errors, f"{path.name}: {errors[0][1]!r}"
             assert not critical(qtlog), f"{path.name}: {critical(qtlog)}"
@@ -166,7 +165,7 @@ def settled_memory(window: MainWindow, log: Path) -> int:
             action.trigger()
     for number in reversed(range(len(window.views.large))):  # each is created when it is first visible; last the plan
         window.views.stage.setCurrentIndex(number)
-        QTest.qWait(60)  # two ticks
+        pause(60)  # two ticks
         if number == _BSCAN:
             until(lambda: bscan_done(window))
     session.notices.clear()

@@ -40,6 +40,7 @@ from tests.system.gui.driving import (
     drag,
     drawn,
     key,
+    pause,
     pixel_at,
     predicted,
     push,
@@ -86,7 +87,7 @@ class Plan:
         pixel = pixel_at(self.view, self.box, at)
         for k in range(40):  # until what is under the mouse is drawn
             QTest.mouseMove(self.view.viewport(), pixel + QPoint(k % 2, 0))
-            QTest.qWait(15)
+            pause(15)
             if k and self.message:
                 break
         return self.message
@@ -166,7 +167,7 @@ def test_dragging_the_beam_turns_the_sensor_and_all_readings(measured: Plan) -> 
     plan.showing.choose(18)  # no reading is near the handle, which is filled unlike the ring of a selected one
     for palette in (DARK, LIGHT):
         plan.showing.set_look(Look(palette=palette))
-        QTest.qWait(50)
+        pause(50)
         at, image = pixel_at(plan.view, plan.box, plan.view.sensor.handle_at), plan.view.grab().toImage()
         around = {image.pixelColor(at + QPoint(x, y)).name() for x in (-2, 0, 2) for y in (-2, 0, 2)}
         assert around == {palette.ink.lower()}
@@ -507,7 +508,7 @@ def test_the_frame_holds_the_room_and_arrows_at_the_edge_point_to_the_readings_o
     plan.showing.choose(None)
     for size in ((1024, 552), (1280, 752)):
         plan.window.resize(*size)
-        QTest.qWait(50)
+        pause(50)
         corners = (arrows.mapFromItem(plan.box.childGroup, QPointF(*end(walls, axis=0))) for end in (np.min, np.max))
         room, texts = QRectF(*corners).normalized(), arrows.text_areas()
         assert len(texts) > len(arrows.arrows) / 2
@@ -528,7 +529,7 @@ def answered(plan: Plan, degrees: float) -> bool:
 def test_a_heading_without_a_reading_is_explained_by_mouse_and_keys(plan: Plan) -> None:
     window, before = plan.window, plan.shown.scene
     plan.key(*"----")  # the false wall, below the room, where heading 270° reads
-    QTest.qWait(50)
+    pause(50)
     plan.click((0.774, 0.085 - 0.827))
     until(lambda: plan.shown.answer is not None)
     assert math.degrees(plan.shown.asked) == pytest.approx(270, abs=1)
@@ -683,7 +684,7 @@ def test_one_plan_shows_readings_the_other_the_prediction_with_common_pan_zoom_a
     outlined = [np.isfinite(view._outline.getData()[1]).sum() for view in (one, other)]
     assert outlined == [0, np.isfinite(plan.shown.outline.ranges).sum()]
     assert [len(view.room._walls.getData()[0]) for view in (one, other)] == [8, 8]
-    QTest.qWait(50)
+    pause(50)
     plan.key("F")
     (left, right), _ = one.plot.vb.viewRange()
     turn_wheel(other, (0.4, 0.4), 3)

@@ -29,7 +29,7 @@ from sonarhw_gui.window.window import MainWindow
 
 from sonarhw.log import read_log
 from tests.system.gui.conftest import OpenWith
-from tests.system.gui.driving import key, predicted, push, until
+from tests.system.gui.driving import key, pause, predicted, push, until
 
 FRAME = QSize(16, 48)
 SCREENS = {  # and the number of stacks of small views
@@ -61,7 +61,7 @@ def window(shared: MainWindow) -> MainWindow:
     key(shared, "1", "F")
     shared.session.showing.choose(27)
     shared.commands.reset_layout.trigger()
-    QTest.qWait(50)
+    pause(50)
     return shared
 
 
@@ -120,17 +120,17 @@ def test_nothing_is_cut_or_off_screen_with_any_view_or_panel(
     size, problems = on_screen(window, available, monkeypatch), []
 
     def check(what: str) -> None:
-        QTest.qWait(20)
+        pause(20)
         texts = cut(window)
         if window.size() != size or texts:
-            QTest.qWait(200)  # wrapped text may need a second layout
+            pause(200)  # wrapped text may need a second layout
             texts = cut(window)
         problems.extend(f"{what}: {text}" for text in texts)
         if window.size() != size:
             problems.append(f"{what}: {window.size().toTuple()}")
             window.resize(size)
 
-    QTest.qWait(50)
+    pause(50)
     assert len({dock.geometry().top() for dock in window.views.docks if dock.in_front}) == stacks
     for view in window.commands.views:
         view.trigger()
@@ -179,7 +179,7 @@ def test_each_large_view_keeps_its_share_of_the_width(window: MainWindow) -> Non
     views, (plan, beside, _) = window.views, window.commands.views
 
     def share() -> float:
-        QTest.qWait(20)
+        pause(20)
         return views.stage.width() / views.width()
 
     beside.trigger()
@@ -220,7 +220,7 @@ def test_the_legend_is_one_line_until_more_is_pressed(window: MainWindow) -> Non
     legend = window.legend
 
     def visible() -> list[QToolButton]:
-        QTest.qWait(50)
+        pause(50)
         return [button for button in legend.findChildren(QToolButton) if button.isVisible()]
 
     def lines() -> int:

@@ -15,7 +15,6 @@ from pathlib import Path
 import pytest
 from PIL import Image
 from PySide6.QtCore import QBuffer, Qt
-from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QWidget
 from sonarhw_cli.app import run
 from sonarhw_gui.model.look import DARK, LIGHT, Palette
@@ -35,7 +34,7 @@ from sonarhw.log import read_log
 from sonarhw.readings import ScanOrder
 from tests.fixtures.window_scene import ROOM
 from tests.system.gui.conftest import OpenWith
-from tests.system.gui.driving import click, dialog_of, drawn, ended, predicted, until
+from tests.system.gui.driving import click, dialog_of, drawn, ended, pause, predicted, until
 
 FOLDER = os.environ.get("SONARHW_SCREENSHOTS")
 SMALL, LARGE = (1280, 800), (1920, 1080)
@@ -160,7 +159,7 @@ def dock(window: MainWindow, name: str) -> None:
     for action in window.dock_openers:
         if action.isChecked() != (action.text() == name):
             action.trigger()
-    QTest.qWait(200)
+    pause(200)
 
 
 @pytest.mark.soak
@@ -225,12 +224,12 @@ def test_pictures_of_every_view(
     until(lambda: traced(window))
     for sizes, name in ((TRACE, "trace"), (RANGES, "ranges"), (TABLE, "table")):
         share(window, sizes)
-        QTest.qWait(50)
+        pause(50)
         album.keep(window, name)
     share(window, TRACE)
     window.views.trace.rf.trigger()
     window.views.trace.cursors_shown.trigger()
-    QTest.qWait(50)
+    pause(50)
     album.keep(window, "trace-rf")
     window.views.trace.cursors_shown.trigger()
     window.views.trace.envelope.trigger()
@@ -254,7 +253,7 @@ def test_picture_of_the_question_in_the_readme(
     assert window.sentence.text() == (
         "0.827 m at 270.0°: three reflections, bottom, top, bottom; the near wall (0.085 m) lies within blanking"
     )
-    QTest.qWait(100)
+    pause(100)
     album.keep(window, "why")
     show_questions(window, album)
 
@@ -272,19 +271,19 @@ def show_questions(window: MainWindow, album: Album) -> None:
             window.commands.play_sound.trigger()
             until(lambda: window.session.shown.sound is not None)
             window.session.sound.seek(1.35e-3)
-        QTest.qWait(100)
+        pause(100)
         album.keep(window, name)
 
 
 def show_large_views(window: MainWindow, album: Album) -> None:
     plan, beside, images = window.commands.views
     beside.trigger()
-    QTest.qWait(50)
+    pause(50)
     album.keep(window, "side-by-side")
     images.trigger()
     window.views.bscan.choices.actions()[3].trigger()
     until(lambda: window.session.shown.bscan is not None and not window.views.bscan.note.text())
-    QTest.qWait(200)
+    pause(200)
     album.keep(window, "bscan")
     window.views.bscan.choices.actions()[0].trigger()
     window.views.bscan.polar.trigger()
@@ -293,7 +292,7 @@ def show_large_views(window: MainWindow, album: Album) -> None:
             window.session.shown.bscan.settings == window.views.bscan.settings and not window.views.bscan.note.text()
         ),
     )
-    QTest.qWait(200)
+    pause(200)
     album.keep(window, "bscan-polar")
     plan.trigger()
 
@@ -301,7 +300,7 @@ def show_large_views(window: MainWindow, album: Album) -> None:
 def show_panels(window: MainWindow, album: Album) -> None:
     dock(window, "Room")
     window.views.plan.drawing.controller.choose_surface(window.session.shown.scene.room.names[0])
-    QTest.qWait(50)
+    pause(50)
     album.keep(window, "room")
     window.views.plan.drawing.controller.choose_surface(None)
     dock(window, "Fit")
@@ -310,7 +309,7 @@ def show_panels(window: MainWindow, album: Album) -> None:
         until(window.fit_panel.accept.isVisible)
         table = window.fit_panel.table
         until(lambda: table.height() >= table.sizeHint().height())
-    QTest.qWait(50)
+    pause(50)
     album.keep(window, "fit")
     dock(window, "")
 
@@ -328,7 +327,7 @@ def show_dialogs(window: MainWindow, album: Album) -> None:
     album.keep(dialog, "connect")
     dialog.close()
     window.commands.show_help.trigger()
-    QTest.qWait(50)
+    pause(50)
     album.keep(dialog_of(window), "help")
     dialog_of(window).close()
     show_import_dialog(window, album)

@@ -53,6 +53,7 @@ from tests.system.gui.driving import (
     ended,
     key,
     menu_of,
+    pause,
     pixel_at,
     predicted,
     push,
@@ -266,7 +267,7 @@ def test_a_bscan_is_computed_while_it_is_visible_and_links_clicks_and_cursors(
     until(lambda: session.shown.bscan is not hidden() and computed(window))
     old = ref(session.shown.bscan)
     key(window, "2", "1")
-    QTest.qWait(60)
+    pause(60)
     session.leave_replay()
     session.open_file(str(recorded))
     until(lambda: session.replay is not None and predicted(window))
@@ -730,7 +731,7 @@ def test_a_dense_scan_is_compared_from_the_selected_reading_on_and_its_classes_c
     session.showing.switch(ViewLayer.PREDICTED, False)
     drawing = views.plan.drawing
     drawing.plot.vb.autoRange()
-    QTest.qWait(50)
+    pause(50)
     image, ratio, positions = drawing.viewport().grab().toImage(), drawing.devicePixelRatioF(), drawn(drawing._marks)
     for reading, kind in (((SHORT.start + SHORT.stop) // 2, Kind.SHORT), (SHORT.stop + 200, Kind.MATCH)):
         at = pixel_at(drawing, drawing.plot.vb, positions[reading])
