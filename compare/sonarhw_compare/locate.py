@@ -54,6 +54,15 @@ class PoseSpread:
 
 
 UNKNOWN = PoseSpread(math.inf, math.inf)
+WRITTEN = 0.1  # m, largest standard deviation of a position that helps to determine headings
+_WRITTEN_POSITIONS = 3  # two scans agree at several pairs of headings
+
+
+def determine_headings(spreads: Sequence[PoseSpread]) -> bool:
+    """Return whether so many positions are known that unknown headings follow from all scans together."""
+    return sum(spread.xy <= WRITTEN for spread in spreads) >= _WRITTEN_POSITIONS
+
+
 NOWHERE = Place("", (0.0, 0.0))
 
 
@@ -547,9 +556,10 @@ def read_poses(path: Path, logs: Sequence[Path]) -> list[tuple[Place, PoseSpread
     with opened(path, _WHAT) as text:
         poses = _poses(path, short_lines(path, text, _WHAT))
     chosen = [_pose_of(log, logs, poses, path) for log in logs]
-    if chosen and not chosen[0][1].is_whole:
+    if chosen and not chosen[0][1].is_whole and not determine_headings([spread for _, spread in chosen]):
         raise InputError(
-            f"{path}: {logs[0].name}: expected position and heading of the first log; others may be unknown"
+            f"{path}: {logs[0].name}: expected position and heading of the first log, or positions of three logs "
+            f"within {WRITTEN * 100:g} cm; others may be unknown"
         )
     return chosen
 

@@ -8,6 +8,7 @@ SMALL_WITH_ONE_IMPORTER = {
     "sonarhw.device.emulated_board": "a device of the driver; its importer is a command",
     "sonarhw.foxglove": "needs the extra `foxglove`, which `serve --foxglove` alone loads",
     "sonarhw_compare.import_formats": "`--help` lists the formats, and the readers of the formats load slowly",
+    "sonarhw_compare.rooms.frame": "headings and direction of a room; its importer, the search, is a long module",
     "sonarhw_gui.views.echoes": "a view; each is a module",
     "sonarhw_gui.window.garbage": "settings of the process, tested in a process that loads nothing else",
     "sonarhw_gui.window.display": "checks whether Qt can be loaded, so it is loaded before",

@@ -197,6 +197,25 @@ class RoomDraft:
             return self
         return replace(self, places=places, walls=walls, posts=posts, offset=numbers[0], threshold_db=numbers[1])
 
+    def turned(self, turn: float, about: tuple[float, float], onto: tuple[float, float]) -> "RoomDraft":
+        """Return the draft turned as a whole by an angle (rad) about a point, which then moves onto another one (m)."""
+        cosine, sine = math.cos(turn), math.sin(turn)
+
+        def at(point: tuple[float, float]) -> tuple[float, float]:
+            x, y = point[0] - about[0], point[1] - about[1]
+            return onto[0] + cosine * x - sine * y, onto[1] + sine * x + cosine * y
+
+        return replace(
+            self,
+            places=tuple(
+                replace(place, position=at(place.position), heading=place.heading + turn) for place in self.places
+            ),
+            walls={
+                key: replace(wall, middle=at(wall.middle), angle=wall.angle + turn) for key, wall in self.walls.items()
+            },
+            posts=tuple(replace(post, center=at(post.center)) for post in self.posts),
+        ).rounded()
+
     def room(self, air: Air) -> Room:
         """Return the room in which sound is followed; all surfaces but those of the base are found ones."""
         if self.base is not None:

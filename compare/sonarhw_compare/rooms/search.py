@@ -39,6 +39,7 @@ from sonarhw_compare.rooms.evidence import (
     scored,
     scored_if_near,
 )
+from sonarhw_compare.rooms.frame import in_frame, with_solved_headings
 from sonarhw_compare.rooms.refinement import Move, centred, deviations_of, refined, threshold_deviation, with_threshold
 
 # Growth of a draft: walls and posts are added while the scans speak for them, and removed where they do not.
@@ -447,7 +448,7 @@ def _searched(evidence: Evidence, begin: RoomDraft) -> RoomDraft:
         longer = pruned(evidence, grown(evidence, best))
         if longer.draft == best.draft:
             break
-        best = scored(evidence, refined(evidence, longer.draft, ROUGH, _ROOM_STEPS).draft)
+        best = scored(evidence, in_frame(evidence, refined(evidence, longer.draft, ROUGH, _ROOM_STEPS).draft))
         best = squared(evidence, best)
         best = with_parts_joined(evidence, pruned(evidence, best))
         best = _cut_back(evidence, candidates.with_better_ends(evidence, best))
@@ -484,9 +485,9 @@ def _regrown(evidence: Evidence, best: Scored) -> Scored:
 
 def _finished(evidence: Evidence, best: Scored) -> tuple[RoomDraft, dict[Move, float]]:
     """Return the best draft, refined without haste, and its deviations."""
-    kept = pruned(evidence, best).draft
+    kept = in_frame(evidence, pruned(evidence, best).draft)
     draft = squared_together(evidence, refined(evidence, kept, ROUGH, _ROOM_STEPS)).draft
-    draft = refined(evidence, draft, FINE, _LAST_STEPS, with_headings=True).draft
+    draft = in_frame(evidence, refined(evidence, draft, FINE, _LAST_STEPS, with_headings=True).draft)
     return _clear(evidence, *determined(evidence, draft))
 
 
@@ -568,6 +569,7 @@ _WIDTHS = (_LOCATED.xy, _LOCATED.xy, _LOCATED.heading)
 _AS_GOOD = 0.9  # of the share that the room explains of its own scans, at which a scan is placed at once
 _PROBABLE = 0.8  # least probability of a pose at which its scan is placed at once
 _TRIED_POSES = 3  # poses of a scan, each of which needs a room
+_HEADINGS_DONE = 0.03  # share of a search after headings are solved
 _LOCATING, _TRYING = 0.02, 0.25  # of what is left of a part of the progress, for a scan and for a room or a scan alone
 _NARROW = PoseSpread(0.1, math.radians(6))  # up to this spread, a scan is placed where it is given, else it is located
 _UNLIKELY = 0.05  # probability of a pose, by that of the most probable one, below which it is not tried
@@ -617,8 +619,11 @@ def find_room_and_poses(
     does, and if no whole pose is known.
     """
     spreads = spreads or [PoseSpread()] * len(scans)
+    progress = SearchProgress(tick)
+    progress.begin(_HEADINGS_DONE)
+    scans, spreads = with_solved_headings(scans, spreads, board, _NARROW.heading, progress.inner(1.0))
     with LateProcesses(len(scans), LARGE) as processes:
-        search = _Search(tuple(scans), tuple(spreads), board, air, SearchProgress(tick), course or Course(), processes)
+        search = _Search(tuple(scans), tuple(spreads), board, air, progress, course or Course(), processes)
         if not search.known:
             raise InputError("no pose is known; give that of the first log")
         search.progress.begin(1 / search.parts)

@@ -348,6 +348,7 @@ Accuracy: TypeAlias = tuple[float, float]
 ACCURACIES: dict[str, Accuracy] = {
     "exact": (0.0, 0.0),
     "within 3 cm and 2°": (0.03, math.radians(2.0)),
+    "only positions, within 3 cm": (0.03, math.inf),
     "only headings, within 5°": (math.inf, math.radians(5.0)),
     "unknown but for the first": (math.inf, math.inf),
 }
@@ -443,11 +444,12 @@ def _placed(scan: LoadedScan) -> "PlacedScan":
 
 
 def _spreads(scans: tuple[LoadedScan, ...], accuracy: Accuracy) -> "list[PoseSpread]":
-    from sonarhw_compare.locate import UNKNOWN, PoseSpread
+    from sonarhw_compare.locate import UNKNOWN, PoseSpread, determine_headings
 
     spread = PoseSpread(*accuracy)
-    first = spread if spread.is_whole else PoseSpread()
-    return [first, *(spread if scan.has_place else UNKNOWN for scan in scans[1:])]
+    others = [spread if scan.has_place else UNKNOWN for scan in scans[1:]]
+    first = spread if spread.is_whole or determine_headings([spread, *others]) else PoseSpread()
+    return [first, *others]
 
 
 def plan_next_scan(answer: RoomAnswer, job: BackgroundJob) -> "tuple[NextPlace, ...]":

@@ -118,6 +118,16 @@ def test_places_that_are_roughly_known_and_unknown_are_found_with_the_room(
     assert figures["poses"][given[2]][0]["probability"] > 0.9
 
 
+def test_written_positions_without_headings_determine_the_room_and_its_direction(folder: Path, tmp_path: Path) -> None:
+    poses, room_file = tmp_path / "poses.csv", tmp_path / "found.toml"
+    rows = [f"{name}.mcap,{x},{y},,0.03," for name, (x, y) in PLACES.items()]
+    poses.write_text("\n".join(["log,x_m,y_m,heading_deg,sd_xy_m,sd_heading_deg", *rows]))
+    assert run(["map", *logs(folder), "--poses", str(poses), "--out", str(room_file)]) == 0
+    found = load_room(room_file)
+    assert missing_walls(found) == []
+    assert max(abs(math.remainder(found.places[name].heading, math.tau)) for name in PLACES) < TURNED
+
+
 def test_a_sensor_that_hears_less_than_its_profile_states_is_found_with_the_room(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -109,6 +109,11 @@ def test_poses_come_in_the_order_of_the_logs_and_what_a_row_lacks_is_unknown(
             read_poses(rows, LOGS[::-1])
 
 
+def test_three_written_positions_need_no_heading(tmp_path: Path) -> None:
+    rows = table(tmp_path, HEADER, *(f"{name}.mcap,{x},2,,0.03," for x, name in enumerate("abc")))
+    assert [spread.is_whole for _, spread in read_poses(rows, [Path(f"{name}.mcap") for name in "abc"])] == [False] * 3
+
+
 # A robot that is tracked.
 
 

@@ -12,6 +12,7 @@ from sonarhw_compare.rooms.candidates import Touches
 from sonarhw_compare.rooms.causes import MovedWall, NewPost, NewWall, OtherReflectance, find_causes
 from sonarhw_compare.rooms.draft import DraftEnd, DraftPost, DraftWall, RoomDraft, draft_of_room
 from sonarhw_compare.rooms.evidence import FOLLOWED, ROUGH, Evidence, evidence_of, scored
+from sonarhw_compare.rooms.frame import SOLVED, in_frame, with_solved_headings
 from sonarhw_compare.rooms.outcome import found_room, found_room_figures, found_room_text, next_places
 from sonarhw_compare.rooms.refinement import Move, deviations_of, moves_of, range_errors, refined
 from sonarhw_compare.rooms.search import FoundRoom, squared
@@ -198,6 +199,37 @@ def test_an_oblique_wall_is_turned_to_right_angles_unless_the_scans_contradict(
         draft = true.without_only(1).with_wall(1, turned)
     found = squared(evidence, scored(evidence, draft)).draft
     assert found.walls[1].angle == pytest.approx(true.walls[1].angle, abs=math.radians(1.0))
+
+
+# The frame: headings of all scans together, and the direction of the whole room.
+
+
+def test_headings_follow_from_written_positions_and_a_rough_heading_is_a_prior() -> None:
+    room, board = load_room("arena"), load_board("lego-nxt")
+    true = np.radians([130.0, -77.0, 10.0, 200.0, 55.0])
+    at = [replace(place, heading=float(turn)) for place, turn in zip(room.places.values(), true, strict=True)]
+    scans = [PlacedScan(predicted_readings(room, place, board, 6.0), replace(place, heading=0.0)) for place in at]
+    spreads = [PoseSpread(0.03, math.inf)] * len(scans)
+    solved, known = with_solved_headings(scans, spreads, board, SOLVED)
+    turned = [math.remainder(scan.place.heading - turn, math.tau) for scan, turn in zip(solved, true, strict=True)]
+    assert np.degrees(np.abs(turned)).max() < 9
+    assert {spread.heading for spread in known} == {SOLVED}
+    # two positions do not determine headings, and known headings stay
+    assert with_solved_headings(scans[:2], spreads[:2], board, SOLVED) == (tuple(scans[:2]), tuple(spreads[:2]))
+    sure = [PoseSpread(0.03, SOLVED)] * len(scans)
+    assert with_solved_headings(scans, sure, board, SOLVED)[0] == tuple(scans)
+
+
+def test_a_room_is_turned_as_a_whole_to_written_positions_unless_a_pose_is_exact() -> None:
+    room, board = load_room("arena"), load_board("lego-nxt")
+    places = tuple(room.places.values())
+    scans = [PlacedScan(predicted_readings(room, place, board, 30.0), place) for place in places]
+    turned = replace(draft_of_room(room), places=places).turned(math.radians(7), (1.0, 1.0), (1.02, 0.99))
+    written = [PoseSpread(0.03, math.radians(20))] * len(places)
+    moved = in_frame(evidence_of(scans, written, board, room.air), turned)
+    assert np.abs(moved.segments - room.walls).max() < 0.003
+    exact = [PoseSpread(), *written[1:]]
+    assert in_frame(evidence_of(scans, exact, board, room.air), turned) is turned
 
 
 # Scans whose poses are not known.

@@ -1,0 +1,210 @@
+"""The frame of a room: headings of scans solved together at written positions, and the room turned onto these.
+
+A region of constant depth in a scan is a wall at right angles to its bearing, at the distance of its range. Scans at
+known positions see the same walls if their headings are right. The agreement of two scans at all pairs of headings is
+a sum over the directions of walls, so it needs no search. The headings of all scans are then those with the largest
+sum of agreements.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from sonarhw_sim.board.profile import Board
+
+from sonarhw.readings import FloatArray, angle_difference
+from sonarhw_compare.arcs import OTHER_PLACE, POSSIBLE, Arc, arcs_of
+from sonarhw_compare.fit.result import PlacedScan
+from sonarhw_compare.locate import WRITTEN, PoseSpread, determine_headings
+from sonarhw_compare.rooms.draft import RoomDraft
+from sonarhw_compare.rooms.evidence import Evidence
+
+# Headings of all scans together.
+
+
+SOLVED = math.radians(5)  # standard deviation of a solved heading; real scans: 2 to 7°
+_COUNT = 180  # headings, 2° apart
+_CELL, _BLUR = 0.03, 0.04  # m: step of distances, and standard deviation of a range
+_FARTHEST = 6.0  # m, of a range
+_NARROWEST, _WIDE = math.radians(4), math.radians(10)  # of a bearing; width of an arc that counts in full
+_STARTS = 4  # pairs of headings of two scans, from which all headings are solved
+_AGREEMENT = 15.0  # log-likelihood of one scan that agrees with another one entirely
+_ROUNDS = 30
+_HEADINGS: FloatArray = np.linspace(0.0, math.tau, _COUNT, endpoint=False)
+
+
+def with_solved_headings(
+    scans: Sequence[PlacedScan],
+    spreads: Sequence[PoseSpread],
+    board: Board,
+    rough: float,
+    tick: Callable[[float], None] = lambda _share: None,
+) -> tuple[tuple[PlacedScan, ...], tuple[PoseSpread, ...]]:
+    """Return scans and spreads with headings that are not known within `rough` (rad) solved from all scans together.
+
+    Only scans at known positions take part. What is known of a heading is its prior. `tick` receives the completed
+    share, 0..1. Nothing changes if all headings are known, or fewer than three positions are.
+    """
+    rows = [row for row, spread in enumerate(spreads) if spread.xy <= WRITTEN]
+    wide = [row for row in rows if spreads[row].heading > rough]
+    if not wide or not determine_headings(spreads):
+        return tuple(scans), tuple(spreads)
+    agreement = _Agreement(
+        tuple(replace(scans[row], place=replace(scans[row].place, heading=0.0)) for row in rows),
+        tuple(_heading_prior(scans[row].place.heading, spreads[row].heading) for row in rows),
+        board,
+    )
+    solved = agreement.best(tick)
+    placed, known = list(scans), list(spreads)
+    for row, heading in zip(rows, solved, strict=True):
+        if row in wide:
+            placed[row] = replace(scans[row], place=replace(scans[row].place, heading=heading))
+            known[row] = replace(spreads[row], heading=SOLVED)
+    return tuple(placed), tuple(known)
+
+
+def _heading_prior(heading: float, deviation: float) -> FloatArray:
+    """Return the log-prior of each of the headings, (h,), in units of agreement."""
+    if not math.isfinite(deviation):
+        return np.zeros(_COUNT)
+    away = angle_difference(_HEADINGS, heading) / math.hypot(deviation, math.tau / _COUNT)
+    return np.asarray(-0.5 * away**2 / _AGREEMENT)
+
+
+@dataclass(frozen=True)
+class _Agreement:
+    """How well scans agree at each combination of headings."""
+
+    scans: tuple[PlacedScan, ...]  # at heading 0
+    priors: tuple[FloatArray, ...]  # (h,) each
+    board: Board
+
+    @cached_property
+    def _evidence(self) -> list[FloatArray]:
+        """Evidence of a wall by turntable angle and distance, (h, d), for each scan; its squares add up to 1."""
+        by_scan = [_wall_evidence([arc for arc in self._arcs if arc.scan == row]) for row in range(len(self.scans))]
+        return [evidence / max(float(np.sqrt((evidence**2).sum())), 1e-9) for evidence in by_scan]
+
+    @cached_property
+    def _arcs(self) -> tuple[Arc, ...]:
+        return arcs_of(self.scans, self.board, POSSIBLE)
+
+    def best(self, tick: Callable[[float], None]) -> list[float]:
+        """Return the headings (rad) with which the scans agree best."""
+        count = len(self.scans)
+        pairs: dict[tuple[int, int], FloatArray] = {}
+        several = [(one, other) for one in range(count) for other in range(one + 1, count)]
+        for done, (one, other) in enumerate(several):
+            tick(done / len(several))
+            by_heading = self._of_pair(one, other)
+            pairs[one, other], pairs[other, one] = by_heading, by_heading.T
+        results = [
+            self._climbed(pairs, {one: first, other: second})
+            for one, other in several
+            for first, second in _tops(pairs[one, other] + self.priors[one][:, None] + self.priors[other])
+        ]
+        _, rows = max(results, key=lambda result: result[0])
+        return [float(angle_difference(_HEADINGS[row], 0.0)) for row in rows]
+
+    def _of_pair(self, one: int, other: int) -> FloatArray:
+        """Return the agreement of two scans at each pair of their headings, (h, h)."""
+        here, there = self._evidence[one], self._evidence[other]
+        between = np.subtract(self.scans[other].place.position, self.scans[one].place.position)
+        agreement, rows = np.zeros((_COUNT, _COUNT)), np.arange(_COUNT)
+        if float(np.hypot(*between)) < OTHER_PLACE:  # at one place, both see all surfaces at the same distances
+            between = np.zeros(2)
+        for towards in range(_COUNT):
+            normal = math.cos(_HEADINGS[towards]), math.sin(_HEADINGS[towards])
+            nearer = (normal[0] * between[0] + normal[1] * between[1]) / _CELL
+            by_angle = here @ _shifted(there, nearer).T
+            at = (towards - rows) % _COUNT
+            agreement += by_angle[np.ix_(at, at)]
+        return agreement
+
+    def _climbed(
+        self, pairs: dict[tuple[int, int], FloatArray], fixed: dict[int, int]
+    ) -> tuple[float, tuple[int, ...]]:
+        """Return the sum of all agreements, and rows of headings, from those of some scans on."""
+        rows = dict(fixed)
+
+        def of_scan(scan: int) -> FloatArray:
+            return self.priors[scan] + sum(pairs[scan, other][:, row] for other, row in rows.items() if other != scan)
+
+        for _ in range(_ROUNDS):
+            before = dict(rows)
+            for scan in range(len(self.scans)):
+                rows[scan] = int(of_scan(scan).argmax())
+            if rows == before:
+                break
+        found = tuple(rows[scan] for scan in range(len(self.scans)))
+        prior = sum(float(prior[row]) for prior, row in zip(self.priors, found, strict=True))
+        total = sum(float(pairs[one, other][found[one], found[other]]) for one, other in pairs) / 2
+        return total + prior, found
+
+
+def _wall_evidence(arcs: Sequence[Arc]) -> FloatArray:
+    """Return the evidence of a wall at each bearing and distance, (h, d), of arcs of one scan."""
+    distances = np.arange(0.0, _FARTHEST, _CELL)
+    evidence = np.zeros((_COUNT, len(distances)))
+    for arc in arcs:
+        away = angle_difference(_HEADINGS, arc.bearing) / max(_NARROWEST, 0.7 * arc.half_width)
+        weight = min(1.0, 2 * arc.half_width / _WIDE)
+        near = (distances - arc.range) / _BLUR
+        evidence = np.maximum(evidence, weight * np.exp(-0.5 * away[:, None] ** 2 - 0.5 * near**2))
+    return evidence
+
+
+def _shifted(evidence: FloatArray, cells: float) -> FloatArray:
+    """Return evidence with distances that are larger by some cells; between whole cells, the mean of both."""
+    whole = math.floor(cells)
+    share = cells - whole
+    return (1 - share) * _shifted_whole(evidence, whole) + share * _shifted_whole(evidence, whole + 1)
+
+
+def _shifted_whole(evidence: FloatArray, cells: int) -> FloatArray:
+    moved, count = np.zeros_like(evidence), evidence.shape[1]
+    if abs(cells) < count:
+        moved[:, max(cells, 0) : count + min(cells, 0)] = evidence[:, max(-cells, 0) : count - max(cells, 0)]
+    return moved
+
+
+def _tops(agreement: FloatArray) -> list[tuple[int, int]]:
+    """Return the pairs of rows with the largest agreement, none near another one."""
+    left, tops = agreement.copy(), []
+    near = np.arange(-_COUNT // 18, _COUNT // 18 + 1)
+    for _ in range(_STARTS):
+        one, other = np.unravel_index(int(left.argmax()), left.shape)
+        tops.append((int(one), int(other)))
+        left[np.ix_((one + near) % _COUNT, (other + near) % _COUNT)] = -math.inf
+    return tops
+
+
+# The room turned and moved as a whole: no range shows this, so only what is known of the poses decides it.
+
+
+_TURNS = np.radians(np.arange(-30.0, 30.01, 0.05))
+
+
+def in_frame(evidence: Evidence, draft: RoomDraft) -> RoomDraft:
+    """Return the draft turned and moved as a whole to where its places are most probable.
+
+    A pose of which position or heading is exact fixes the draft, and so do walls of a first draft.
+    """
+    spreads = evidence.spreads
+    if evidence.first.walls or any(spread.xy == 0 or spread.heading == 0 for spread in spreads):
+        return draft
+    errors = [evidence.pose_errors(draft, scan) for scan in range(len(spreads))]
+    found = np.array([place.position for place in draft.places])
+    written = found - np.array([[error for error, _ in of_scan[:2]] for of_scan in errors])
+    weights = np.array([1 / spread.xy**2 for spread in spreads])
+    turned, by_turn = np.array([of_scan[2] for of_scan in errors]).T
+    if not weights.any():
+        return draft
+    middle, target = (weights @ points / weights.sum() for points in (found, written))
+    rotations = np.array([[[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]] for turn in _TURNS])
+    away = np.einsum("tij,sj->tsi", rotations, found - middle) - (written - target)
+    losses = (away**2).sum(axis=2) @ weights + (((_TURNS[:, None] + turned) / by_turn) ** 2).sum(axis=1)
+    turn = float(_TURNS[int(losses.argmin())])
+    return draft.turned(turn, (float(middle[0]), float(middle[1])), (float(target[0]), float(target[1])))
