@@ -106,8 +106,9 @@ class LabelSlot(QtWidgets.QWidget):
     minimumSizeHint = sizeHint
 
     def event(self, event: QtCore.QEvent) -> bool:
-        """Pass a layout request of the label to the parent only if its height has changed."""
-        if event.type() is QtCore.QEvent.Type.LayoutRequest and self._height != (needed := self._needed_height()):
+        """Pass a layout request of the label to the parent only if its height has changed, also while it was hidden."""
+        kinds = QtCore.QEvent.Type.LayoutRequest, QtCore.QEvent.Type.Show
+        if event.type() in kinds and self._height != (needed := self._needed_height()):
             self._height = needed
             self.updateGeometry()
         return super().event(event)

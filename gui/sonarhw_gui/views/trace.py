@@ -269,36 +269,29 @@ class TraceMarks(base.PlotLayer):
             item.setVisible(self._drawn and layer not in shown.hidden)
 
 
-# The names of the predicted echoes, in a few rows above the trace, without overlap.
-#
-# The reported echo is placed first, then the others by level. A line connects each name with its echo. Names that do
-# not fit appear after a zoom, or as a tooltip.
+# The numbers of the predicted echoes in a row above the trace: the first to arrive is 1. Pointing shows the path.
 
 
-_ROWS = 5  # at most; fewer if there is little room
-_SHARE = 0.4  # of the plot's height, at most
 _ROW = 15.0  # pixels at the default text size
-_GAP = 9.0  # pixels between two names in a row
-_LONGEST = 30  # characters; the middle of a longer name is left out
-_LONGEST_REPORTED = 64
+_SHARE = 0.4  # of the plot's height, at most
+_GAP = 4.0  # pixels between two numbers
 _POINTS = 8.0  # font size
 
 
-_Name = tuple[NamedEcho, str, int, bool]  # echo, text, row, and whether the text ends at its stem, not begins there
+class EchoNumbers:
+    """Numbers and stems of the echoes of one trace. The row is above the highest level, so it hides no trace.
 
-
-class EchoNames:
-    """Names and stems of the echoes of one trace. The rows are above the highest level, so they hide no trace."""
+    Where two numbers would overlap, that of the reported or the louder echo is drawn.
+    """
 
     def __init__(self, view: pg.ViewBox) -> None:
         self._view = view
         self._look = Look()
         self._font = QFont()
         self._metrics = QFontMetricsF(self._font)
-        self._echoes: tuple[NamedEcho, ...] = ()
+        self._echoes: list[tuple[int, NamedEcho]] = []  # the reported one first, then by level
         self._visible = True
         self._heights = EMPTY
-        self._rows, self._per_pixel = _ROWS, 1.0
         self._items: list[pg.TextItem] = []
         self._stems = PlotLine(connect="pairs")
         # by whether the echo is detectable
@@ -318,102 +311,73 @@ class EchoNames:
             heads.setBrush(self._colour(detected))
         for item in self._items:
             item.setFont(self._font)
-            item.fill = pg.mkBrush(look.palette.paper)
 
     def draw(self, echoes: Sequence[NamedEcho], heights: Heights) -> None:
-        """Draw the names of these echoes and set the height range of the plot."""
-        self._echoes = tuple(sorted(echoes, key=lambda echo: (not echo.first, -echo.level_db)))
+        """Draw the numbers of these echoes and set the height range of the plot."""
+        numbered = enumerate(sorted(echoes, key=lambda echo: echo.time), start=1)
+        self._echoes = sorted(numbered, key=lambda pair: (not pair[1].first, -pair[1].level_db))
         self._heights = heights
         for detected, heads in self._heads.items():
-            some = [echo for echo in self._echoes if echo.detectable is detected]
-            levels = [heights.of(echo.level_db) for echo in some]
-            heads.setData([echo.time for echo in some], levels, [self._tip(echo) for echo in some])
+            some = [(number, echo) for number, echo in self._echoes if echo.detectable is detected]
+            tips = [self._tip(number, echo) for number, echo in some]
+            heads.setData([echo.time for _, echo in some], [heights.of(echo.level_db) for _, echo in some], tips)
         self._lay_out()
 
     def set_visible(self, visible: bool) -> None:
-        """Show or hide all names and stems."""
+        """Show or hide all numbers and stems."""
         if visible is not self._visible:
             self._visible = visible
             self._lay_out()
 
     def _lay_out(self, *_: object) -> None:
-        height, row = max(self._view.height(), 1.0), _ROW * self._look.scale
+        height = max(self._view.height(), 1.0)
+        row = min(_ROW * self._look.scale, _SHARE * height)
         bottom, top = self._heights.bottom, self._heights.top
-        self._rows = max(1, min(_ROWS, int(_SHARE * height / row)))
-        self._per_pixel = (top - bottom) / max(height - self._rows * row, (1 - _SHARE) * height)
-        self._view.setYRange(bottom, bottom + height * self._per_pixel, padding=0)
-        names = self._fitting() if self._visible else []
+        per_pixel = (top - bottom) / (height - row)
+        self._view.setYRange(bottom, bottom + height * per_pixel, padding=0)
+        fitting = self._fitting() if self._visible else []
         for heads in self._heads.values():
             heads.setVisible(self._visible)
-        self._stems.setData(*self._stem_ends(names).T)
-        while len(self._items) < len(names):
-            item = pg.TextItem(fill=pg.mkBrush(self._look.palette.paper))
+        ends = [(echo.time, end) for _, echo in fitting for end in (self._heights.of(echo.level_db), top)]
+        self._stems.setData(*np.array(ends).reshape(-1, 2).T)
+        while len(self._items) < len(fitting):
+            item = pg.TextItem(anchor=(0.5, 0.5))
             item.setFont(self._font)
-            item.textItem.document().setDocumentMargin(1)  # rows are close together
+            item.textItem.document().setDocumentMargin(0)  # the row is low
             self._view.addItem(item, ignoreBounds=True)
             self._items.append(item)
-        for item in self._items[len(names) :]:
+        for item in self._items[len(fitting) :]:
             item.setVisible(False)
-        for item, (echo, text, row, leftward) in zip(self._items, names, strict=False):
-            colour = self._colour(echo.detectable)
+        for item, (number, echo) in zip(self._items, fitting, strict=False):
+            text, colour = str(number), self._colour(echo.detectable)
             # laying out a text takes long
             if (item.textItem.toPlainText(), item.color.name()) != (text, colour.lower()):
                 item.setText(text, color=colour)
-            item.setAnchor((1.0 if leftward else 0.0, 0.5))
-            item.setPos(echo.time, self._middle(row))
+            item.setPos(echo.time, top + row * per_pixel / 2)
             item.setVisible(True)
-
-    def _middle(self, row: int) -> float:
-        """Return the height of the middle of a row; row 0 is the highest."""
-        return self._heights.top + (self._rows - row - 0.5) * _ROW * self._look.scale * self._per_pixel
 
     def _colour(self, detectable: bool) -> str:
         return self._look.palette.predicted if detectable else self._look.palette.ink
 
-    def _fitting(self) -> list[_Name]:
-        """Return the names that fit: first the reported echo, then by level."""
-        rows: list[list[tuple[float, float]]] = [[] for _ in range(self._rows)]
-        names = (self._placed(echo, rows) for echo in self._echoes)
-        return [name for name in names if name is not None]
+    def _fitting(self) -> list[tuple[int, NamedEcho]]:
+        """Return the echoes whose numbers fit: first the reported one, then by level."""
+        (left, right), whole = self._view.viewRange()[0], self._view.width()
+        fitting: list[tuple[int, NamedEcho]] = []
+        taken: list[tuple[float, float]] = []
+        for number, echo in self._echoes:
+            middle = (echo.time - left) * whole / (right - left)
+            half = (self._metrics.horizontalAdvance(str(number)) + _GAP) / 2
+            free = all(middle + half <= begin or middle - half >= end for begin, end in taken)
+            if free and half <= middle <= whole - half:
+                taken.append((middle - half, middle + half))
+                fitting.append((number, echo))
+        return fitting
 
-    def _placed(self, echo: NamedEcho, rows: list[list[tuple[float, float]]]) -> _Name | None:
-        """Place the name in the first row with room, right or left of its stem, and add it to `rows`."""
-        left, right = self._view.viewRange()[0]
-        whole = self._view.width()
-        stem = (echo.time - left) * whole / (right - left)
-        if not 0 <= stem <= whole:
-            return None
-        for text in (shortened(echo.via, _LONGEST_REPORTED if echo.first else _LONGEST), shortened(echo.via, _LONGEST)):
-            width = self._metrics.horizontalAdvance(text) + _GAP
-            for leftward, begin in ((False, stem), (True, stem - width)):
-                end = begin + width
-                row = next((k for k in range(self._rows) if all(end <= b or begin >= e for b, e in rows[k])), None)
-                if begin >= 0 and end <= whole and row is not None:
-                    rows[row].append((begin, end))
-                    return echo, text, row, leftward
-        return None
-
-    def _stem_ends(self, names: Sequence[_Name]) -> np.ndarray:
-        ends = [
-            (echo.time, height)
-            for echo, _, row, _ in names
-            for height in (self._heights.of(echo.level_db), self._middle(row))
-        ]
-        return np.array(ends).reshape(-1, 2)
-
-    def _tip(self, echo: NamedEcho) -> str:
+    def _tip(self, number: int, echo: NamedEcho) -> str:
         state = "reported" if echo.first else "detected later" if echo.detectable else "within blanking"
         place = f"{self._look.unit.text(echo.range)}, {echo.time * 1e3:.2f} ms"
         level = f"{echo.level_db:.1f} dB" + (", sum of all arrivals within one wavelength" if echo.summed else "")
-        return f"{echo.via}\n{place}, {state}\n{level}"
-
-
-def shortened(via: str, longest: int) -> str:
-    """Return the name of a path, without its middle if it is longer than `longest`."""
-    if len(via) <= longest:
-        return via
-    half = (longest - 1) // 2
-    return f"{via[:half]}…{via[-half:]}"
+        return f"{number}: {echo.via}\n{place}, {state}\n{level}"
 
 
 _LOWEST = 120  # pixels, minimum height at the default text size; leaves room for the axis labels
@@ -450,7 +414,7 @@ class TraceView(QWidget):
         for item in (self._predicted, self._measured):
             self.plot.addItem(item, ignoreBounds=True)
         self.marks = TraceMarks(self.plot, gain_axis)
-        self.names = EchoNames(self.plot.vb)
+        self.numbers = EchoNumbers(self.plot.vb)
         self.cursors = TraceCursors(self.plot, self._read_cursors)
         self._pointer = pg.InfiniteLine(angle=90)
         self.plot.addItem(self._pointer, ignoreBounds=True)
@@ -511,7 +475,7 @@ class TraceView(QWidget):
         self._predicted.setPen(base.cosmetic_pen(colours.predicted, width=1, style=Qt.PenStyle.DashLine))
         self._measured.setPen(base.cosmetic_pen(colours.measured, width=1))
         self._pointer.setPen(base.cosmetic_pen(colours.chosen, width=1, style=Qt.PenStyle.DotLine))
-        for part in (self.marks, self.names, self.cursors):
+        for part in (self.marks, self.numbers, self.cursors):
             part.set_look(look)
 
     def _draw(self, trace: ChosenTrace | None) -> None:
@@ -528,7 +492,7 @@ class TraceView(QWidget):
             curve = None if sound is None else signal_curve(sound) if rf else sound.envelope
             _set_curve(item, curve, heights)
         self.marks.draw(trace, heights, self._look)
-        self.names.draw(trace.echoes if trace else (), heights)
+        self.numbers.draw(trace.echoes if trace else (), heights)
         self._update_title()
         self._measured.setZValue(1 if rf else -1)
         if trace is not None:
@@ -538,7 +502,7 @@ class TraceView(QWidget):
     def _show_layers(self, shown: Shown) -> None:
         self._measured.setVisible(shown.draws(ViewLayer.TRACE))
         self._predicted.setVisible(shown.draws(ViewLayer.PREDICTED))
-        self.names.set_visible(shown.draws(ViewLayer.PREDICTED))
+        self.numbers.set_visible(shown.draws(ViewLayer.PREDICTED))
         self.marks.set_visible(shown)
 
     def _update_title(self) -> None:

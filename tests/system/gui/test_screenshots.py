@@ -44,7 +44,8 @@ HEADINGS = 120
 ORDER = ScanOrder(0.0, radians(3), HEADINGS, sweeps=2)  # the second sweep leaves time for the picture of the first one
 LIVE_UP_TO = 84  # readings in the picture of the running scan
 SELECTED, SELECTED_LIVE, SELECTED_FOR_TRACE = 38, 74, 74  # the readings that the pictures explain
-TRACE, RANGES, TABLE = (500, 120, 60), (60, 560, 60), (60, 240, 400)  # shares of the views on the right
+# shares of the views on the right
+TRACE, RANGES, TABLE, PANEL = (500, 120, 60), (60, 560, 60), (60, 240, 400), (60, 60, 600)
 PORTS = [Port("/dev/ttyACM0", "ttyACM0", Usb(0x2341, 0x0042, "1234", None)), Port("/dev/ttyS0", "n/a")]
 
 
@@ -303,6 +304,7 @@ def show_panels(window: MainWindow, album: Album) -> None:
     pause(50)
     album.keep(window, "room")
     window.views.plan.drawing.controller.choose_surface(None)
+    share(window, PANEL)
     dock(window, "Fit")
     if FOLDER:  # a fit takes a while
         window.fit_panel.begin.click()

@@ -91,10 +91,11 @@ def test_every_view_has_a_menu_of_the_window_resets_its_range_and_selects_readin
     assert all(part in window.sentence.text() for part in ("at 270.0°", "bottom, top, bottom"))
     row, prediction = showing.shown.chosen_row, showing.shown.prediction
     ping, speed = prediction.ping(row.index), prediction.room.air.speed_of_sound
-    marked = np.concatenate([heads.getData()[0] for heads in views.trace.names._heads.values()])
+    marked = np.concatenate([heads.getData()[0] for heads in views.trace.numbers._heads.values()])
     echoes = ping.echoes + ping.blanked_echoes
     assert sorted(marked) == sorted(prediction.apparent_lengths[echo.path] / speed for echo in echoes)
-    assert "bottom>top>bottom" in [item.toPlainText() for item in views.trace.names._items if item.isVisible()]
+    tips = [tip for heads in views.trace.numbers._heads.values() for tip in heads.about]
+    assert any(tip.startswith("2: bottom>top>bottom\n") for tip in tips)  # 1 arrives within blanking
     click(plan, plan.plot.vb, (0.2, 0.35))  # far from all readings
     assert showing.shown.chosen == 27
     x, y = drawn(ranges._marks[0])[9]
@@ -319,20 +320,22 @@ def test_a_trace_has_consistent_axes_and_every_mark_at_the_time_of_its_echo(trac
             rounded = 0.51 * metres * 10 ** -len(figure.partition(".")[2])
             assert name == unit.label
             assert float(figure) * metres == pytest.approx(SPEED * time / 2, abs=rounded)
-    x = np.concatenate([heads.getData()[0] for heads in trace.names._heads.values()])
+    x = np.concatenate([heads.getData()[0] for heads in trace.numbers._heads.values()])
     assert sorted(x) == sorted(echo.time for echo in traced.trace.echoes)
     assert trace.marks._blanking.getRegion() == (0.0, traced.scene.board.blanking)
     reported, height = trace.marks._reported.getData()
     assert reported.tolist() == list(traced.readings[0].echo_times)
     assert set(height) == {traced.scene.board.threshold_db}
-    names = [item for item in trace.names._items if item.isVisible()]
-    assert len(names) >= 3
-    boxes = [item.mapRectToScene(item.boundingRect()).adjusted(1, 1, -1, -1) for item in names]  # a pixel of rounding
+    numbers = [item for item in trace.numbers._items if item.isVisible()]
+    assert len(numbers) >= 2
+    times = [item.pos().x() for item in sorted(numbers, key=lambda item: int(item.toPlainText()))]
+    assert times == sorted(times)
+    boxes = [item.mapRectToScene(item.boundingRect()).adjusted(1, 1, -1, -1) for item in numbers]  # a pixel of rounding
     assert not [1 for k, one in enumerate(boxes) for other in boxes[:k] if one.intersects(other)]
     alone = [replace(echo, summed=False) for echo in traced.trace.echoes]
     for echoes, sums in ((traced.trace.echoes, True), (alone, False)):
-        trace.names.draw(echoes, trace.names._heights)
-        tips = [tip for heads in trace.names._heads.values() for tip in heads.about]
+        trace.numbers.draw(echoes, trace.numbers._heights)
+        tips = [tip for heads in trace.numbers._heads.values() for tip in heads.about]
         assert len(tips) >= 3
         assert all(("dB, sum of all arrivals within one wavelength" in tip) == sums for tip in tips)
 
