@@ -35,9 +35,9 @@ def written_file(path: Path, what: str = "file", *, overwrite: bool) -> Iterator
 
 
 def write_text(out: Path, text: str, force: bool, what: str = "file") -> None:
-    """Write a text file. Raises OutputError."""
+    """Write a text file. Raises OutputError. A file name in the text that is no Unicode has question marks."""
     with written_file(out, what, overwrite=force) as file:
-        file.write(text.encode())
+        file.write(text.encode(errors="replace"))
 
 
 def write_figure(out: Path, figure: "Figure", force: bool) -> None:

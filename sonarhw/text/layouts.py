@@ -737,6 +737,9 @@ def json_format(units: Units) -> LineFormat:
     return LineFormat(read, LINE_ENDS, lambda line: isinstance(read(line), tuple))
 
 
+_QUOTED_NUMBER = re.compile(r"([+-]?\d+(?:\.\d+)?)\s*([^\W\d_]{0,12}|°)")
+
+
 def json_record(line: str) -> dict[str, Any] | None:
     """Return the values in a JSON object by their own keys; of a key that occurs in several objects, by all keys."""
     if not line.startswith("{"):
@@ -751,6 +754,9 @@ def json_record(line: str) -> dict[str, Any] | None:
 def _leaves(record: dict[str, Any], depth: int = 0) -> Iterator[tuple[str, Any]]:
     unit = record.get("unit") or record.get("units")
     for key, value in record.items():
+        if isinstance(value, str) and (quoted := _QUOTED_NUMBER.fullmatch(value.strip())):  # "148 cm"
+            yield f"{key} {quoted[2]}".strip(), float(quoted[1])
+            continue
         if isinstance(value, dict) and depth < 5:
             for inner, leaf in _leaves(value, depth + 1):
                 # {"angle": {"value": 90, "unit": "deg"}}

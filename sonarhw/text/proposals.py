@@ -92,7 +92,7 @@ def propose(data: bytes, begins_whole: bool = False, known: Layout | None = None
         if (binary := _binary(name, data, stated)) is not None:
             return binary
     best = LayoutProposal(example=next(iter(_lines(data, LINE_ENDS)), "")[:60])
-    for ends in ("", *_other_ends(data)):
+    for ends in ("", *_other_ends(data, begins_whole)):
         lines = _lines(data, ends_of(ends) if ends else LINE_ENDS)
         if not begins_whole:
             lines = lines[1:]
@@ -100,7 +100,9 @@ def propose(data: bytes, begins_whole: bool = False, known: Layout | None = None
             continue
         proposal = _of_lines(lines[:MOST_LINES], ends, stated, begins_whole)
         if proposal.layout is not None:
-            return _checked(proposal, data, begins_whole, stated)
+            proposal = _checked(proposal, data, begins_whole)
+        if proposal.layout is not None:
+            return proposal
         if proposal.questions and not best.questions:
             best = proposal
     return best
@@ -172,10 +174,22 @@ def _lines(data: bytes, ends: re.Pattern[bytes]) -> list[str]:
     return [plain for text in texts if text and (plain := without_stamp(text).strip(" ")).strip()]
 
 
-def _other_ends(data: bytes) -> list[str]:
-    """Return characters that may separate readings in text with few line ends, the most frequent first."""
-    counts = Counter(byte for byte in data if chr(byte) in ".#;|*/!$&~>)]}" or chr(byte) == " ")
-    return [chr(byte) for byte, number in counts.most_common(4) if number >= 3]
+_ENDS = ".#;!$>)]}|/&~* "  # characters that may separate readings, the most usual first
+_MOST_SHORT = 80  # characters of a line of one reading
+
+
+def _other_ends(data: bytes, begins_whole: bool) -> list[str]:
+    """Return characters that may separate readings in text with few line ends, the likely ones first.
+
+    A whole text ends with the one that does.
+    """
+    lengths = sorted(len(raw) for raw in LINE_ENDS.split(data) if raw)
+    if len(lengths) >= 2 * FEWEST and lengths[len(lengths) // 2] <= _MOST_SHORT:
+        return []
+    counts = Counter(chr(byte) for byte in data if chr(byte) in _ENDS)
+    last = data.strip(b"\r\n")[-1:].decode("latin-1") if begins_whole else ""
+    frequent = [mark for mark, number in counts.most_common(4) if number >= 3]
+    return sorted(frequent, key=lambda mark: (mark != last, _ENDS.index(mark)))
 
 
 def _binary(name: str, data: bytes, stated: Layout) -> LayoutProposal | None:
@@ -201,7 +215,7 @@ def _step_question(stated: Layout, sensors: int) -> tuple[str, ...]:
     return ("no angle is printed: add step=DEGREES, the turn of the table between two readings",)
 
 
-def _checked(proposal: LayoutProposal, data: bytes, begins_whole: bool, stated: Layout) -> LayoutProposal:
+def _checked(proposal: LayoutProposal, data: bytes, begins_whole: bool) -> LayoutProposal:
     """Return the proposal with the readings that its layout gives, or without a layout if it reads too little."""
     layout = proposal.layout
     assert layout is not None
@@ -221,7 +235,8 @@ def _checked(proposal: LayoutProposal, data: bytes, begins_whole: bool, stated: 
 def _of_lines(lines: list[str], ends: str, stated: Layout, begins_whole: bool) -> LayoutProposal:
     if stated.columns is not None:
         return LayoutProposal() if ends else _of_named(lines, stated, stated.columns)
-    for recognise in (_maxbotix, _json, partial(_header, begins_whole=begins_whole), _numbers):
+    in_order = partial(_numbers, begins_whole=begins_whole)
+    for recognise in (_maxbotix, _json, partial(_header, begins_whole=begins_whole), in_order):
         proposal = recognise(lines, ends, stated)
         if proposal.layout is not None or proposal.questions:
             return proposal
@@ -418,7 +433,8 @@ def _header(lines: list[str], ends: str, stated: Layout, begins_whole: bool) -> 
         if columns is not None:
             return _with_header(lines, line, cells, columns, rows, stated, begins_whole)
         if unnamed.layout is None:  # words that may be those of a banner
-            unnamed = _numbers(lines[number + 1 :], "", stated, [meaning_of(cell) for cell in cells], line)
+            named = [meaning_of(cell) for cell in cells]
+            unnamed = _numbers(lines[number + 1 :], "", stated, named, line, begins_whole)
     return unnamed
 
 
@@ -571,14 +587,15 @@ def _angle_unit(numbers: Sequence[float], named: NameMeaning, stated: Layout) ->
         )
     if most > 360:
         return _Unit(None, False, "", f"angles up to {most:g} may be gradians or degrees: add angle=gon or angle=deg")
-    return _Unit("deg", False)
+    return _Unit("deg", False, "unit of the angle not stated: degrees assumed; angle= changes it")
 
 
 # lines of words and numbers
 
 
-_NUMBER = re.compile(r"(?<![^\W\d_])(?:(?<![\d.,])[+-])?(?:\d+(?:\.\d+)?|\.\d+)(?:[eE][+-]?\d+)?(?!\d)", re.ASCII)
-_COMMA_NUMBER = re.compile(r"(?<![^\W\d_])(?:(?<![\d.,])[+-])?(?:\d+(?:[.,]\d+)?)(?!\d)", re.ASCII)
+_NUMBER = re.compile(r"(?<![^\W_])(?:(?<![\d.,])[+-])?(?:\d+(?:\.\d+)?|\.\d+)(?:[eE][+-]?\d+)?(?!\d)")
+_COMMA_NUMBER = re.compile(r"(?<![^\W_])(?:(?<![\d.,])[+-])?(?:\d+(?:[.,]\d+)?)(?!\d)")
+_GLUED_NUMBER = re.compile(r"(?:(?<![\d.,])[+-])?\d+(?:\.\d+)?")  # to letters: A90D23
 _SILENT_WORDS = re.compile(r"[^\W\d_][^\d,;|:=]*|--?-?")
 
 
@@ -605,15 +622,20 @@ def _tokens(line: str, number: re.Pattern[str]) -> _Tokens:
 
 
 def _numbers(
-    lines: list[str], ends: str, stated: Layout, named: list[NameMeaning] | None = None, header: str = ""
+    lines: list[str],
+    ends: str,
+    stated: Layout,
+    named: list[NameMeaning] | None = None,
+    header: str = "",
+    begins_whole: bool = False,
 ) -> LayoutProposal:
     """Recognise lines of words and numbers: by their words, and by the numbers where there are none."""
     best = LayoutProposal()
-    for number in (_COMMA_NUMBER, _NUMBER):
+    for number in (_COMMA_NUMBER, _NUMBER, _GLUED_NUMBER):
         tokens = [_tokens(line, number) for line in lines]
-        if number is _COMMA_NUMBER and not any(map(_has_decimal_commas, tokens)):
+        if number is _COMMA_NUMBER and sum(map(_commas, tokens)) <= 0:
             continue
-        for group in _records(tokens):
+        for group in _records(tokens, begins_whole):
             proposal = _of_records(group, lines, ends, stated, named, header)
             if proposal.layout is not None:
                 return proposal
@@ -622,10 +644,15 @@ def _numbers(
     return best
 
 
-def _has_decimal_commas(line: _Tokens) -> bool:
-    """Return whether commas are within numbers: other characters separate them."""
-    between = [literal.strip() for literal in line.literals[1:-1]]
-    return any("," in text for text in line.numbers) and not any(text[:1] == "," for text in between)
+def _commas(line: _Tokens) -> int:
+    """Return 1 if commas are within numbers, -1 if they separate them, and 0 without commas.
+
+    Where a comma is within a number, other characters separate the numbers. A decimal point would be one of them.
+    """
+    between = line.literals[1:-1]
+    if any(text.strip()[:1] == "," or text == "." for text in between):
+        return -1
+    return 1 if any("," in text for text in line.numbers) else 0
 
 
 @dataclass(frozen=True)
@@ -634,6 +661,7 @@ class _Records:
 
     rows: list[list[_Tokens]]
     height: int
+    order: str = ""  # why the lines of a reading have this order
 
     @property
     def literals(self) -> tuple[str, ...]:
@@ -651,7 +679,7 @@ class _Records:
         return [float(text.replace(",", ".")) for text in texts]
 
 
-def _records(tokens: list[_Tokens]) -> list[_Records]:
+def _records(tokens: list[_Tokens], begins_whole: bool) -> list[_Records]:
     """Return how lines may be grouped to readings, the likely one first."""
     counts = Counter(line.shape for line in tokens if line.numbers)
     if not counts:
@@ -662,7 +690,7 @@ def _records(tokens: list[_Tokens]) -> list[_Records]:
     groups = []
     if most < 0.7 * total:
         for height in (2, 3, 4):
-            if (group := _repeated(tokens, counts, height)) is not None:
+            if (group := _repeated(tokens, counts, height, begins_whole)) is not None:
                 groups.append(group)
                 break
     if most >= FEWEST or len(shape) > 8:
@@ -670,7 +698,9 @@ def _records(tokens: list[_Tokens]) -> list[_Records]:
     return groups
 
 
-def _repeated(tokens: list[_Tokens], counts: Counter[tuple[str, ...]], height: int) -> _Records | None:
+def _repeated(
+    tokens: list[_Tokens], counts: Counter[tuple[str, ...]], height: int, begins_whole: bool
+) -> _Records | None:
     """Return readings of `height` lines each, if lines of different shapes follow each other in turn."""
     lines = [line for line in tokens if line.numbers or _is_silence(line)]
     usual = {shape for shape, count in counts.items() if count >= max(2, 0.1 * sum(counts.values()) / height)}
@@ -682,7 +712,7 @@ def _repeated(tokens: list[_Tokens], counts: Counter[tuple[str, ...]], height: i
     )
     if not windows:
         return None
-    shapes = _first_of_cycle(lines, windows)
+    shapes = _first_of_cycle(lines, windows, begins_whole)
     rows, k = [], 0
     while k + height <= len(lines):
         if tuple(line.shape for line in lines[k : k + height]) == shapes:
@@ -690,7 +720,11 @@ def _repeated(tokens: list[_Tokens], counts: Counter[tuple[str, ...]], height: i
             k += height
         else:
             k += 1
-    return _Records(rows, height) if len(rows) >= FEWEST and len(rows) * height >= 0.5 * len(lines) else None
+    if len(rows) < FEWEST or len(rows) * height < 0.5 * len(lines):
+        return None
+    first = f"a reading begins with the line {shapes[0][0].strip()!r}: "
+    why = "the first of the text" if begins_whole else "assumed; in another order, write a pattern="
+    return _Records(rows, height, first + why)
 
 
 def _is_silence(line: _Tokens) -> bool:
@@ -698,14 +732,16 @@ def _is_silence(line: _Tokens) -> bool:
     return is_no_echo(words) and bool(words)
 
 
-def _first_of_cycle(lines: list[_Tokens], windows: Counter[tuple[tuple[str, ...], ...]]) -> tuple[tuple[str, ...], ...]:
-    """Return the order of lines in a reading: the angle first, unless another line begins more often."""
+def _first_of_cycle(
+    lines: list[_Tokens], windows: Counter[tuple[tuple[str, ...], ...]], begins_whole: bool
+) -> tuple[tuple[str, ...], ...]:
+    """Return the order of lines in a reading: as a whole text begins; else the angle first, as most sketches print."""
     common = windows.most_common(1)[0][1]
     candidates = [shapes for shapes, count in windows.items() if count >= 0.7 * common]
 
     def rank(shapes: tuple[tuple[str, ...], ...]) -> tuple[bool, bool]:
         first = _phrase(shapes[0][0], ())
-        return first.quantity is ColumnKind.ANGLE, lines[0].shape == shapes[0]
+        return begins_whole and lines[0].shape == shapes[0], first.quantity is ColumnKind.ANGLE
 
     return max(candidates, key=rank)
 
@@ -722,7 +758,7 @@ def _phrase(text: str, german_words: Iterable[str]) -> NameMeaning:
     return whole
 
 
-_SUFFIX = re.compile(r"\s*([^\W\d_]+|[°º\"])(?![^\W\d_])\.?\s*(?![:=])")
+_SUFFIX = re.compile(r"\s*([^\W\d_]+|[°º\"])(?![^\W\d_])\.?\s*([:=]?)")
 
 
 @dataclass(frozen=True)
@@ -735,22 +771,32 @@ class _Label:
 
 
 def _labels(literals: Sequence[str], named: list[NameMeaning] | None) -> list[_Label]:
+    if literals[0].rstrip().endswith('"'):  # numbers in quotes are not inches
+        literals = [literal.replace('"', " ") for literal in literals]
     words = [word for literal in literals for word in words_of(literal)]
     german = is_german(words)
     starts: list[str] = list(literals)  # what remains of a literal after the unit of the number before
     suffixes: list[NameMeaning] = [NameMeaning()] * len(literals)
-    for k in range(1, len(literals)):
+    for k in range(len(literals) - 1, 0, -1):
         match = _SUFFIX.match(literals[k].split("\n")[0])
-        if match and (unit := unit_of_word(match[1], german)).quantity is not None:
+        if match is None or (unit := unit_of_word(match[1], german)).quantity is None:
+            continue
+        after = suffixes[k + 1].quantity if k + 1 < len(literals) else None
+        if not match[2] or after not in (None, unit.quantity):  # '63 deg: 145 cm': 'deg' is not the name of 145
             suffixes[k] = unit
             starts[k] = literals[k][match.end() :]
     labels = []
     for k in range(len(literals) - 1):
         key = named[k] if named and k < len(named) else _phrase(starts[k], words)
         # as 'tilt 12 cm 45', in which each word may be the name of the number after it
-        unclear = not named and key.quantity is None and bool(words_of(starts[k])) and _is_word_between(literals, k + 1)
-        between = literals[k + 1].strip() if unclear and suffixes[k + 1].quantity is not None else ""
-        labels.append(_Label(_combined(key, suffixes[k + 1]), bool(words_of(starts[k])), between))
+        suffix, apart = suffixes[k + 1], _is_word_between(literals, k + 1)
+        unclear = not named and key.quantity is None and bool(words_of(starts[k])) and apart
+        between = literals[k + 1].strip() if unclear and suffix.quantity is not None else ""
+        if key.quantity is ColumnKind.ANGLE and suffix.quantity is ColumnKind.RANGE and not apart:
+            between = f"{starts[k].strip()}…{literals[k + 1].strip()}"
+        if key.quantity in (ColumnKind.TIME, ColumnKind.OTHER) and suffix.unit is not None and not apart:
+            key = NameMeaning()  # 'S1: 23cm' is no time
+        labels.append(_Label(_combined(key, suffix), bool(words_of(starts[k])), between))
     return labels
 
 
@@ -781,23 +827,27 @@ def _of_records(
         return ring
     if count > 12:
         return LayoutProposal()
-    labels = _labels(literals, named)
+    labels, example = _labels(literals, named), lines[len(lines) // 2][:60]
     if between := next((label.between for label in labels if label.between), ""):
-        question = (
-            f"{lines[-1][:60]!r}: {between!r} is the unit of the number before it or the name of the one after it"
-        )
+        either = "a name or the unit of an angle or of a range"
+        if "…" not in between:
+            either = "the unit of the number before it or the name of the one after it"
+        question = f"{example!r}: {between!r} is {either}"
         return LayoutProposal(None, questions=(f"{question}; write a pattern=",), lines=len(lines))
     columns = [records.column(k) for k in range(count)]
     roles = _radar_roles(literals, columns, ends) or _roles(columns, labels)
     if isinstance(roles, str):
-        return LayoutProposal(None, questions=(roles,), lines=len(lines), example=lines[len(lines) // 2][:60])
+        return LayoutProposal(None, questions=(roles,), lines=len(lines), example=example)
     heading, ranges, evidence = roles
+    if len(ranges) > 1 and (heading is None or any(labels[k].named for k in ranges[1:])):
+        asked = f"{example!r}: several ranges may be those of several sensors or echoes; write a pattern="
+        return LayoutProposal(None, questions=(asked,), lines=len(lines), example=example)
     numbers = [number for k in ranges for number in columns[k]]
     reach = _range_unit(numbers, labels[ranges[0]].meaning, stated, (header, *literals))
     units = {labels[k].meaning.unit for k in ranges}
     if len(units) > 1:
-        return LayoutProposal(None, questions=(f"{lines[-1][:60]!r}: ranges in several units; write a pattern=",))
-    facts = [f"header {header!r}"] if header else []
+        return LayoutProposal(None, questions=(f"{example!r}: ranges in several units; write a pattern=",))
+    facts = [fact for fact in (f"header {header!r}" if header else "", records.order) if fact]
     if heading is None:
         angle, clockwise = _Unit(None), False
     else:
@@ -808,6 +858,7 @@ def _of_records(
     layout = _as_preset(layout, lines, reach, angle)
     if layout.preset == "arduino-radar" and stated.unit is None:
         reach = _Unit("cm", False, "range in centimetres: the sketch that separates readings by '.' or '#' prints them")
+        angle = replace(angle, evidence="")
     proposal = _joined(layout, clockwise, angle, reach, lines, *facts, *evidence)
     if heading is None:
         proposal = replace(proposal, questions=(*proposal.questions, *_step_question(stated, 1)))
@@ -938,8 +989,10 @@ def _radar_roles(literals: tuple[str, ...], columns: list[list[float]], ends: st
 
 
 def _is_counter(numbers: Sequence[float]) -> bool:
-    """Return whether numbers only grow, as times and counters do."""
-    return not turns_back(numbers) and sweeps(numbers) >= _IRREGULAR
+    """Return whether numbers only grow, as times and counters do; large ones may jump back at a restart."""
+    return sweeps(numbers) >= (_REGULAR if _is_large(numbers) and turns_back(numbers) else _IRREGULAR) and (
+        _is_large(numbers) or not turns_back(numbers)
+    )
 
 
 def _angle_among(columns: list[list[float]], free: list[int], range_is_named: bool) -> int | str | None:
@@ -951,6 +1004,8 @@ def _angle_among(columns: list[list[float]], free: list[int], range_is_named: bo
     # a time or a counter grows in equal steps, too
     turning = [k for k in regular if turns_back(columns[k])]
     counters = [k for k in regular if k not in turning and _may_be_counter(columns[k])]
+    if any(not _is_large(columns[k]) for k in turning):  # a time jumps back where the device restarts
+        counters += [k for k in turning if _is_large(columns[k])]
     candidates = [k for k in regular if k not in counters] if turning else regular
     best = max(candidates, key=scores.__getitem__)
     others = [k for k in candidates if k != best and scores[k] > scores[best] - _CLEARLY]
@@ -967,7 +1022,12 @@ def _angle_among(columns: list[list[float]], free: list[int], range_is_named: bo
 def _may_be_counter(numbers: Sequence[float]) -> bool:
     """Return whether numbers that only grow may be a time or a counter: by ones, or farther than an angle."""
     step = abs(numbers[1] - numbers[0])
-    return max(map(abs, numbers)) > MOST_HEADING or step == 1.0
+    return _is_large(numbers) or step == 1.0
+
+
+def _is_large(numbers: Sequence[float]) -> bool:
+    """Return whether numbers are no degrees of a turntable."""
+    return max(map(abs, numbers)) > MOST_HEADING
 
 
 # many numbers in a line: rings of sensors, whole sweeps
@@ -1029,7 +1089,9 @@ def _repeated_numbers(
         repeated = f"{field_text}{body[0]}"
     start = literals[0].lstrip() if skipped == 0 else ""
     prefix = "".join(f"{literals[k]}{{-}}" for k in range(skipped)).lstrip() + (literals[skipped] if skipped else "")
-    if skipped == 0 and start:
+    if skipped == 0 and start and repeated.endswith(start):  # S1:23cm S2:45cm
+        prefix, repeated = "", start + repeated.removesuffix(start)
+    elif skipped == 0 and start:
         prefix = start
     pattern = _escaped(f"{prefix}[{repeated}]...")
     layout = _with_pattern(stated, pattern, reach, angle, ends)

@@ -77,17 +77,18 @@ _OTHERS = _words(
 )
 _UNSUPPORTED = _words("voltage volt volts v mv adc raw counts db dbm ma amps yd yards km mi miles bar kpa")
 _RANGE_WORDS = {
-    "m": "m meter meters metre metres metro metros metri metr mts mtr",
+    "m": "м 米 公尺 m meter meters metre metres metro metros metri metr mts mtr",
     "cm": "cm cms centimeter centimeters centimetre centimetres zentimeter centimetro centimetros centimetri "
-    "santimetre",
-    "mm": "mm millimeter millimeters millimetre millimetres milimetro milimetros millimetri milimetre milimeter",
+    "santimetre см 厘米 公分",
+    "mm": "mm millimeter millimeters millimetre millimetres milimetro milimetros millimetri milimetre milimeter "
+    "мм 毫米",
     "in": 'in inch inches " pulgada pulgadas zoll pouce pouces pollici polegada polegadas inc inci cal cale duim',
     "ft": "ft foot feet pie pies fuss pied pieds piedi pes pe fit stopa",
     "us": "us usec usecs microsecond microseconds mikrosekunden microsegundos mikrosaniye microsecondes",
 }
 _ANGLE_WORDS = {
     "deg": "deg degs degree degrees ° º grados grado graus grau gradi derece degre degres graden stopnie "
-    "stopni градусов",
+    "stopni градусов град 度",
     "rad": "rad rads radian radians radianes radiant bogenmass radianti radyan",
     "gon": "gon gons gradian gradians grads",
     STEP: "step steps schritt schritte paso pasos passo passi adim pas stap stappen krok kroki microstep microsteps",
