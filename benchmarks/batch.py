@@ -1,12 +1,13 @@
 """What `predict_ranges` and `log_likelihood` cost for each pose, beside single predictions, in alternating runs.
 
-    python -m benchmarks.batch [--poses 100] [--rounds 3]
+    python -m benchmarks.batch [--poses 100] [--rounds 3] [--many 20000]
 
 Prints processor time for each pose, the ratio, how many readings differ by more than 1 mm from single predictions, and
-how much faster all cores are than one, by the clock.
+how many cores worked, by the clock. The last line is the memory that many poses need.
 """
 
 import argparse
+import resource
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -73,16 +74,31 @@ def measure(name: str, board_name: str, count: int, rounds: int) -> str:
     )
 
 
+def memory_of(count: int) -> str:
+    """Return how much more memory so many poses in the arena need than 100, beside that of their ranges."""
+    room, board = sonarhw.load_room("arena"), sonarhw.load_board("hc-sr04")
+    random, space = np.random.default_rng(2), find_free_space(room)
+    poses = np.array([(*space.draw(random, 0.1), random.uniform(0, 2 * np.pi)) for _ in range(100)])
+    sonarhw.predict_ranges(room, poses, HEADINGS, board)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    cost = cost_of(lambda: sonarhw.predict_ranges(room, np.resize(poses, (count, 3)), HEADINGS, board))
+    more = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
+    ranges = count * len(HEADINGS) * 8 / 2**20
+    return f"{count} poses: {cost.clock:.0f} s, {more:.0f} MB more, of which {ranges:.1f} MB are their ranges"
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--poses", type=int, default=100)
     parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--many", type=int, default=20_000)
     given = parser.parse_args()
     print(f"{given.poses} poses, {len(HEADINGS)} headings, {compiled.core_count()} cores; processor time for each pose")
     print("room       board          predict    predict_ranges  ratio  other  cores  log-likelihood in cells")
     for setting in SETTINGS:
-        print(measure(*setting, given.poses, given.rounds))
+        print(measure(*setting, given.poses, given.rounds), flush=True)
+    print(memory_of(given.many))
 
 
 if __name__ == "__main__":

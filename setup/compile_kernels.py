@@ -15,6 +15,7 @@ from sonarhw_sim import PredictionOptions, Receiver, RoomEchoes, Unit, load_boar
 from sonarhw_sim.air import DEFAULT_BOARD, Model
 from sonarhw_sim.board.signal import RATE
 from sonarhw_sim.compilation import watch_compilation
+from sonarhw_sim.predict.batch import predict_ranges
 from sonarhw_sim.predict.predicted_scan import nearest_paths
 from sonarhw_sim.room.room import with_material
 
@@ -54,6 +55,8 @@ def compile_kernels() -> None:
     predict_scan(with_material(room, room.materials[0], 0.9, scatter=0.1), place, board, headings)
     with_heights = load_room("doorstep")
     predict_scan(with_heights, with_heights.place("robot"), board, headings)
+    for of_board in ("hc-sr04", DEFAULT_BOARD):
+        predict_ranges("laboratory", np.array([(2.0, 1.6, 0.0), (1.5, 1.5, 0.0)]), [0.0, 1.0], of_board)
     readings = readings_of(headings, scan.ranges, room.air.speed_of_sound)
     fit_scan(readings, room, place, board, frozenset({"heading", "offset"}))
     locate_scan(readings, room, board)

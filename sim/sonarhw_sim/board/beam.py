@@ -219,10 +219,13 @@ class Together(NamedTuple):
     faintest: float  # amplitude of a path that begins an arrival
 
 
-def together(lengths: FloatArray, phases: FloatArray, wavelength: float, board: Board) -> Together:
+def together(
+    lengths: FloatArray, phases: FloatArray, wavelength: float, board: Board, apart: float | FloatArray = 0.0
+) -> Together:
     """Return which paths arrive together: those of the same length and up to one wavelength longer.
 
-    `lengths` (p,) m are in order, `phases` (p,) rad are beyond those of the lengths. If the board does not sum
+    `lengths` (p,) m are in order, `phases` (p,) rad are beyond those of the lengths. Paths of several places are in
+    order of `lengths` + `apart` (p,), m. If the board does not sum
     arrivals, every path is alone. A path more than 20 dB below the threshold belongs to the arrivals of others, but
     begins none: else a sum could end before a loud path, only because there is sound that nobody can detect.
     """
@@ -230,8 +233,9 @@ def together(lengths: FloatArray, phases: FloatArray, wavelength: float, board: 
     if not board.sum_arrivals:
         rows = np.arange(len(lengths))
         return Together(rows, rows + 1, phasors, 0.0)
-    begins = np.searchsorted(lengths, lengths - SAME_LENGTH)
-    ends = np.searchsorted(lengths, lengths + wavelength, side="right")
+    in_order = lengths + apart
+    begins = np.searchsorted(in_order, in_order - SAME_LENGTH)
+    ends = np.searchsorted(in_order, in_order + wavelength, side="right")
     return Together(begins, ends, phasors, 10 ** ((board.threshold_db - FAINT_DB) / 20))
 
 
@@ -343,16 +347,21 @@ class Sought(NamedTuple):
 
 
 @compiled
-def detected(headings: FloatArray, paths: PathsAndBeam, sought: Sought) -> NDArray[np.intp]:
-    """Return the loudest path of the sought echo at each heading (n,) rad, (n,) int; -1: none, or none within reach."""
+def detected(
+    headings: FloatArray, of_heading: NDArray[np.intp], paths: PathsAndBeam, sought: Sought
+) -> NDArray[np.intp]:
+    """Return the loudest path of the sought echo at each heading (n,) rad, (n,) int; -1: none, or none within reach.
+
+    The paths at a heading are those from one row up to another, `of_heading` (n, 2).
+    """
     leaving, arriving, strengths, sets, blocked, threshold, ka, table = paths
     first, measured, reach, lengths, ranges, in_time, span = sought
     most = _most_of_arrivals(paths)
     nearest, amplitudes = np.full(headings.shape[0], -1, np.intp), np.empty(most.shape[0])
     for k in range(headings.shape[0]):
         x, y = math.cos(headings[k]), math.sin(headings[k])
-        weighed, until, least = 0, -np.inf, np.inf
-        for path in range(most.shape[0]):
+        weighed, until, least = of_heading[k, 0], -np.inf, np.inf
+        for path in range(of_heading[k, 0], of_heading[k, 1]):
             # paths within an echo begin no other one
             if most[path] < threshold or not in_time[path] or lengths[path] <= until:
                 continue
@@ -374,6 +383,11 @@ def detected(headings: FloatArray, paths: PathsAndBeam, sought: Sought) -> NDArr
             if first:
                 break
     return nearest
+
+
+def every_path(headings: int, paths: int) -> NDArray[np.intp]:
+    """Return the rows of all paths for each heading, (n, 2), as `detected` takes them."""
+    return np.tile(np.array([0, paths], np.intp), (headings, 1))
 
 
 @inlined

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
 from sonarhw_sim.air import Receiver
-from sonarhw_sim.board.beam import BoolArray, ComplexArray, disc
+from sonarhw_sim.board.beam import BoolArray, ComplexArray, disc, every_path
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.signal import (
     FAINTEST,
@@ -240,10 +240,15 @@ class _Work(NamedTuple):
 
 
 def first_echoes(
-    headings: FloatArray, sound: Sound, board: Board, speed_of_sound: float
+    headings: FloatArray,
+    sound: Sound,
+    board: Board,
+    speed_of_sound: float,
+    of_heading: NDArray[np.intp] | None = None,
 ) -> tuple[FloatArray, NDArray[np.intp]]:
     """Return time and path of the first echo of the board's own receiver, without noise, at `headings` (n,) rad.
 
+    The paths at a heading are those from one row up to another, `of_heading` (n, 2); None: all.
     Times (n,) s are true times, NaN without an echo. The path (n,) is the row of the loudest one just before the echo;
     -1: no echo, or the own burst.
     """
@@ -252,12 +257,14 @@ def first_echoes(
     before = before_gain(straight, board, speed_of_sound, Receiver.BOARD).amplitudes.astype(np.complex128)
     headings = np.ascontiguousarray(headings, dtype=np.float64)
     loudness = np.abs(sound.amplitudes)
+    rows = every_path(len(headings), len(sound.times)) if of_heading is None else of_heading
 
     def heard(begin: int, end: int) -> tuple[FloatArray, NDArray[np.intp]]:
         detections, winners = np.full(end - begin, np.nan), np.full(end - begin, -1, dtype=np.intp)
         work = _work(len(detector.gain), len(sound.times), *table.real.shape)
         here = sound._replace(blocked=sound.blocked[begin:end])
-        _first_echoes(headings[begin:end], here, loudness, before, table, detector, work, detections, winners)
+        some, of_these = headings[begin:end], rows[begin:end]
+        _first_echoes(some, of_these, here, loudness, before, table, detector, work, detections, winners)
         return detections, winners
 
     detections, winners = rows_in_parts(heard, len(headings), _LEAST_PART)
@@ -294,6 +301,7 @@ def _work(samples: int, paths: int, nodes: int, length: int) -> _Work:
 @compiled
 def _first_echoes(
     headings: FloatArray,
+    of_heading: NDArray[np.intp],
     sound: Sound,
     loudness: FloatArray,
     before_gain: ComplexArray,
@@ -306,12 +314,17 @@ def _first_echoes(
     """Fill in sample number, with its fraction, and path of the first echo at each heading, which are NaN and -1."""
     for row in range(headings.shape[0]):
         heading = row, math.cos(headings[row]), math.sin(headings[row])
-        detections[row], winners[row] = _first_echo(heading, sound, loudness, before_gain, table, detector, work)
+        first, end = of_heading[row, 0], of_heading[row, 1]
+        detections[row], winners[row] = _first_echo(
+            heading, first, end, sound, loudness, before_gain, table, detector, work
+        )
 
 
 @inlined
 def _first_echo(
     heading: tuple[int, float, float],
+    first: int,
+    end: int,
     sound: Sound,
     loudness: FloatArray,
     before_gain: ComplexArray,
@@ -319,7 +332,10 @@ def _first_echo(
     detector: _Detector,
     work: _Work,
 ) -> tuple[float, int]:
-    """Return the sample number and the path of the first echo at a heading: its row, and a unit vector that way."""
+    """Return the sample number and the path of the first echo at a heading: its row, and a unit vector that way.
+
+    Its paths are the rows from `first` up to `end`.
+    """
     count, length, written = work.real.shape[0], table.real.shape[1], detector.own.shape[0]
     for k in range(written):
         work.real[k], work.imaginary[k] = detector.own[k].real, detector.own[k].imag
@@ -329,9 +345,9 @@ def _first_echo(
     # a plain 0 has a type of its own, for which `_loudest` would be compiled once more
     used: int = np.int64(0)  # type: ignore[assignment]
     last = -table.lead - 1  # where the last pulse begins
-    for path in range(sound.times.shape[0] + 1):
+    for path in range(first, end + 1):
         begin, leaving, arriving = count, 0.0, 0.0
-        if path < sound.times.shape[0]:
+        if path < end:
             begin = int(sound.times[path] * RATE) - table.lead
             if begin >= count or begin + length <= unheard:
                 continue
@@ -344,7 +360,7 @@ def _first_echo(
                 _add(last, work.sums, table, detector.gain, work)
                 written = min(count, last + length)
             detection, sample, charge = _listened(sample, begin, charge, written, detector, work)
-            if not math.isnan(detection) or path == sound.times.shape[0]:
+            if not math.isnan(detection) or path == end:
                 break
             work.sums[:] = 0.0
             last = begin

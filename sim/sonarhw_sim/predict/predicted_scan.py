@@ -22,6 +22,7 @@ from sonarhw_sim.board.beam import (
     amplitudes_at,
     beam_table,
     detected,
+    every_path,
     loudest_by_separation,
     meeting_face,
     sum_of_arrival,
@@ -852,7 +853,8 @@ def with_first_arrivals(scan: PredictedScan) -> PredictedScan:
 
     def heard(begin: int, end: int) -> tuple[NDArray[np.intp]]:
         hidden = weighed.blocked[begin:end]
-        return (detected(scan.headings[begin:end], weighed._replace(blocked=hidden), sought),)
+        headings = scan.headings[begin:end]
+        return (detected(headings, every_path(len(headings), len(in_time)), weighed._replace(blocked=hidden), sought),)
 
     (first,) = rows_in_parts(heard, len(scan.headings), _LEAST_PART)
     # row -1, "no echo", selects the appended value
@@ -976,7 +978,8 @@ def nearest_paths(scan: PredictedScan, rows: IntArray, measured: FloatArray, rea
     span = board.wavelength(scan.room.air) if board.sum_arrivals else -1.0
     sought = Sought(False, measured, reach, lengths, board.reported(lengths / 2), scan.in_time, span)
     headings = scan.headings[rows]
-    return np.asarray(detected(headings, paths_and_beam(scan, headings, slice(None), scan.all_together), sought))
+    weighed = paths_and_beam(scan, headings, slice(None), scan.all_together)
+    return np.asarray(detected(headings, every_path(len(headings), len(lengths)), weighed, sought))
 
 
 def _one_by_one(scan: PredictedScan, rows: IntArray, measured: FloatArray, reach: float) -> IntArray:

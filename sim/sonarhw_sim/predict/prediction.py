@@ -13,7 +13,7 @@ from sonarhw import arguments
 from sonarhw.readings import FloatArray
 from sonarhw_sim.air import DEFAULT_BOARD, EdgeStrength, Model, Receiver, Unit
 from sonarhw_sim.board.profile import Board, largest_gain, load_board
-from sonarhw_sim.compiled import compiled, rows_in_parts
+from sonarhw_sim.compiled import compiled
 from sonarhw_sim.predict.predicted_scan import (
     FAINTEST_PATCH,
     KEPT_BELOW_THRESHOLD,
@@ -33,7 +33,7 @@ from sonarhw_sim.predict.predicted_scan import (
 from sonarhw_sim.rays.fan import TransducerAxes, first_hit
 from sonarhw_sim.rays.paths import MAX_BOUNCES, RAYS, Paths, PathSearch
 from sonarhw_sim.room.grid import Surfaces
-from sonarhw_sim.room.room import Place, Room, load_room, place_doubts, warn_of_poses
+from sonarhw_sim.room.room import Place, Room, load_room, place_doubts
 from sonarhw_sim.space.sections import cut, paths_from, spanning_at
 
 # ray following: paths are found once for a scan, unless more than the beam turns with the head
@@ -199,7 +199,7 @@ def _scan_by_heading(
 
     def find(room_with_faces: Room, pair: SensorPair) -> Paths:
         start, end = replace(place, position=pair.sender.sender), pair.listener.receiver
-        axes = TransducerAxes(pair.sender.heading, pair.listener.heading, ka, faintest / gained)
+        axes = TransducerAxes(np.array([pair.sender.heading]), np.array([pair.listener.heading]), ka, faintest / gained)
         search_pair = replace(search, max_length=pair.max_length, axes=axes)
         # with one point for both, a search uses every partial path twice
         paths = _paths(room_with_faces, start, board, search_pair, options, None if start.position == end else end)
@@ -371,7 +371,7 @@ def _there_and_back(starts: FloatArray, directions: FloatArray, distances: Float
 # a prediction in one call: `predict` of `sonarhw`
 
 
-_STEP = 5  # degrees, as in `sonarhw simulate`
+STEP = 5  # degrees, as in `sonarhw simulate`
 
 
 @arguments.checked(
@@ -405,86 +405,8 @@ def predict(
     for doubt in place_doubts(room, here):
         arguments.emit(doubt)
     if headings is None:
-        radians = np.radians(np.arange(0, 360, _STEP)) if profile.ring is None else profile.ring.headings(here)
+        radians = np.radians(np.arange(0, 360, STEP)) if profile.ring is None else profile.ring.headings(here)
     else:
         radians = arguments.angles("headings", headings)
         radians = arguments.in_radians("headings", radians, degrees)
     return predict_with(model, room, here, profile, radians, options)
-
-
-# many poses in one call: `predict_ranges` of `sonarhw`
-
-
-# Rays a quarter of a degree apart find the paths of first echoes in half the time. A board's own receiver adds all
-# sound, so that a missing faint path changes a range by millimetres.
-_RAYS_OF_MANY = {Receiver.FIRST_ECHO: RAYS // 4, Receiver.BOARD: RAYS}
-_LEAST_POSES = 8  # fewer take about as long as a thread needs to begin
-_POSES = "x and y in metres and a heading in radians"
-
-
-@arguments.checked(
-    room=arguments.instance((Room, Path, str), "a room, its name or its file; `room_from_arrays` makes one of arrays"),
-    board=arguments.instance((Board, Path, str), "a board, its name or its file"),
-    levels=arguments.flag,
-    degrees=arguments.flag,
-    height=arguments.number(unit="m"),
-    options=arguments.instance(PredictionOptions, "PredictionOptions"),
-)
-def predict_ranges(
-    room: Room | Path | str,
-    poses: ArrayLike,
-    headings: ArrayLike | None = None,
-    board: Board | Path | str = DEFAULT_BOARD,
-    *,
-    levels: bool = False,
-    degrees: bool = False,
-    height: float | None = None,
-    options: PredictionOptions | None = None,
-) -> FloatArray | tuple[FloatArray, FloatArray]:
-    """Return the range that a board reports at each of many poses and headings, (n, m) float, m; NaN without an echo.
-
-    `poses` (n, 3) are x and y in m and the heading in rad, counter-clockwise from x; without headings, (n, 2), these
-    are 0. `headings` (m,) rad are relative to that of the pose, by default a whole turn in steps of 5 degrees, or those
-    of the sensors of a ring. With `degrees`, all headings are degrees. `height` (m) of the transducer includes floor
-    and ceiling. With `levels`, also the level of the loudest arrival over the threshold is returned, (n, m) dB.
-
-    The poses share the cores, and memory is needed for the result and one pose on each core. Ranges are those of
-    `predict`, but for fewer than 0.1 % at the border between two echoes: fewer rays are followed, unless the receiver
-    is the board's own, or `options` are given. From a pose inside a post, there is no echo. Raises InputError.
-    Warns if most poses are beyond the walls.
-    """
-    room = room if isinstance(room, Room) else load_room(room)
-    profile = board if isinstance(board, Board) else load_board(board)
-    options = PredictionOptions(rays=_RAYS_OF_MANY[profile.receiver]) if options is None else options
-    places = _places_of(poses, degrees, height)
-    warn_of_poses("poses", room, np.array([place.position for place in places]).reshape(-1, 2))
-    if height is not None:
-        room.check_height(height)
-    angles = _angles_of(headings, profile, degrees)
-
-    def predicted(begin: int, end: int) -> tuple[FloatArray, FloatArray]:
-        ranges = np.full((end - begin, len(angles)), np.nan)
-        over = np.full((end - begin, len(angles) if levels else 0), -np.inf)
-        for row, place in enumerate(places[begin:end]):
-            faced = profile.faced(place)
-            scan = predict_scan(room, faced, profile, faced.heading + profile.turned(angles), options)
-            ranges[row] = scan.ranges
-            if levels:
-                over[row] = scan.over_threshold
-        return ranges, over
-
-    ranges, over = rows_in_parts(predicted, len(places), _LEAST_POSES)
-    return (ranges, over) if levels else ranges
-
-
-def _places_of(poses: ArrayLike, degrees: bool, height: float | None) -> list[Place]:
-    rows = arguments.rows("poses", poses, (2, 3), _POSES)
-    turns = arguments.in_radians("poses", rows[:, 2], degrees) if rows.shape[1] == 3 else np.zeros(len(rows))
-    return [Place("", (x, y), turn, height) for (x, y), turn in zip(rows[:, :2].tolist(), turns.tolist(), strict=True)]
-
-
-def _angles_of(headings: ArrayLike | None, board: Board, degrees: bool) -> FloatArray:
-    """Return headings relative to that of the pose, rad."""
-    if headings is not None:
-        return arguments.in_radians("headings", arguments.angles("headings", headings), degrees)
-    return np.radians(np.arange(0, 360, _STEP)) if board.ring is None else board.ring.headings(Place("", (0.0, 0.0)))

@@ -384,13 +384,13 @@ class EdgeDiffraction:
         return np.ascontiguousarray(np.maximum.accumulate(loudest_by_separation(self.ka)[::-1])[::-1])
 
     def longest_partial(self, distances: FloatArray) -> FloatArray:
-        """Return the longest path to edges at `distances` (n,) m from the other end that can be loud enough, (n,) m.
+        """Return the longest path to edges at `distances` (m) from the other end that can be loud enough, same shape.
 
         The second leg is at least the straight distance. The result is 0 if no path is loud enough, inf if all are.
         """
         if self.strength is not EdgeStrength.PAPER:
             # towards reflection, edges at any distance are loud
-            return np.full(len(distances), np.inf)
+            return np.full(distances.shape, np.inf)
         z = self.wavelength / (math.tau * max(self.faintest, 1e-9)) ** 2
         with np.errstate(divide="ignore"):
             # 2 / z = 1 / s + 1 / s′
@@ -407,13 +407,14 @@ class EdgeDiffraction:
 
 
 class EdgePaths(NamedTuple):
-    """Paths to edges, in order of edge and then of length; one row each."""
+    """Paths to edges, in order of place, of edge and then of length; one row each."""
 
     edges: IntArray  # (n,): row in the room's edges
     lengths: FloatArray  # (n,), m
     gains: FloatArray  # (n,): reflectances and curvature
     angles: FloatArray  # (n,), rad from the wedge's first face to the direction from which the path comes
     departures: FloatArray  # (n,), rad
+    meeting: NDArray[np.int64]  # (n,): equal of those that begin at one place and lead to one edge
 
 
 def diffracted_paths(
@@ -441,11 +442,12 @@ def diffracted_paths(
     fan.fill_rows(surfaces, out.surfaces, first, before, back.surfaces, second, after)
     fan.fill_rows(points, out.points, first, before + 2, back.points, second, after + 1)
     lengths = out.lengths[first] + back.lengths[second]
-    return PartialPaths(lengths, gains, phases, surfaces, out.edges[first], out.bends[first], points)
+    edges, bends, places = out.edges[first], out.bends[first], out.places[first]
+    return PartialPaths(lengths, gains, phases, surfaces, edges, bends, points, places)
 
 
 def _paths_to_edges(room: Room, paths: PartialPaths) -> tuple[NDArray[np.intp], EdgePaths]:
-    """Return the rows of paths that reach an edge through its wedge of air, by edge and length, and their angles."""
+    """Return the rows of paths that reach an edge through its wedge of air, in order, and their angles."""
     rows = np.flatnonzero(paths.edges >= 0)
     edges = paths.edges[rows]
     before = paths.points[rows, paths.bends[rows]] - room.edges.points[edges]
@@ -453,13 +455,14 @@ def _paths_to_edges(room: Room, paths: PartialPaths) -> tuple[NDArray[np.intp], 
     within = inside_wedge(direction, room.edges.starts[edges], room.edges.openings[edges])
     # a reflection at the edge itself does not count as a path to it
     within &= np.hypot(*before.T) > _AT_EDGE
-    order = np.lexsort((paths.lengths[rows], edges))
+    order = np.lexsort((paths.lengths[rows], edges, paths.places[rows]))
     order = order[within[order]]
     rows, direction = rows[order], direction[order]
     edges, away = paths.edges[rows], paths.points[rows, 1] - paths.points[rows, 0]
     angles = np.mod(direction - room.edges.starts[edges], math.tau)
     departures = np.arctan2(away[:, 1], away[:, 0])
-    return rows, EdgePaths(edges, paths.lengths[rows], paths.gains[rows], angles, departures)
+    meeting = paths.places[rows].astype(np.int64) * len(room.edges) + edges
+    return rows, EdgePaths(edges, paths.lengths[rows], paths.gains[rows], angles, departures, meeting)
 
 
 def join_at_edges(
@@ -475,7 +478,7 @@ def join_at_edges(
     `faces` (e, 2) are the reflectances of both faces of each edge. If `back` is `out`, each pair is computed once and
     listed with its reverse. Raises InputError if these paths are too many for the memory.
     """
-    starts, wedges = np.searchsorted(back.edges, out.edges), edges.openings / math.pi
+    starts, wedges = np.searchsorted(back.meeting, out.meeting), edges.openings / math.pi
     limits = edge_diffraction.wavelength, max_length, edge_diffraction.faintest
     strength = [*EdgeStrength].index(edge_diffraction.strength)
     most, beams = fan.MOST_POINTS // _FEWEST_POINTS, edge_diffraction.beams
@@ -627,8 +630,8 @@ def _join(
     count = 0
     for i in range(begin, end):
         edge, to_edge = out.edges[i], out.lengths[i]
-        for j in range(starts[i], back.edges.shape[0]):
-            if back.edges[j] != edge or to_edge + back.lengths[j] > max_length:
+        for j in range(starts[i], back.meeting.shape[0]):
+            if back.meeting[j] != out.meeting[i] or to_edge + back.lengths[j] > max_length:
                 break
             legs = out.gains[i] * back.gains[j] * _by_separation(out.departures[i], back.departures[j], beams)
             # a bound first, because most pairs are too faint

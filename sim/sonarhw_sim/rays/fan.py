@@ -33,10 +33,9 @@ _LOUDER = 2.0  # 6 dB
 class Detectable(NamedTuple):
     """Amplitude of each ray at departure, and the least amplitude at each target."""
 
-    leaving: FloatArray  # (n,): upper bound of the amplitude of each ray at departure
+    leaving: FloatArray  # (n, d): upper bound of the amplitude of each ray of each place at departure
     least: FloatArray  # (t,): a path to a target must exceed this amplitude
-    axis_x: float  # unit vector of the receiver's axis
-    axis_y: float
+    axes: FloatArray  # (n, 2): unit vector of the axis of each receiver
     receiving: FloatArray  # (a,): upper bound of the receiver's beam at or beyond each angle, evenly from 0 to π
 
 
@@ -44,10 +43,14 @@ class Detectable(NamedTuple):
 class TransducerAxes:
     """Axes of sender and receiver, for a search of paths that leave and arrive in front of them, loud enough."""
 
-    leaving: float  # rad
-    arriving: float  # rad
+    leaving: FloatArray  # (n,), rad, of the sender at each place
+    arriving: FloatArray  # (n,), rad, of its receiver
     ka: float  # of both
     faintest: float  # amplitude, with beams, reflectances and curvature; fainter paths may be omitted
+
+    def select(self, rows: NDArray[np.intp]) -> "TransducerAxes":
+        """Return the axes of these places."""
+        return TransducerAxes(self.leaving[rows], self.arriving[rows], self.ka, self.faintest)
 
     @property
     def reversed(self) -> "TransducerAxes":
@@ -55,32 +58,37 @@ class TransducerAxes:
         return TransducerAxes(self.arriving, self.leaving, self.ka, self.faintest)
 
     def detectable(self, directions: FloatArray, onward: FloatArray) -> Detectable:
-        """Return the limits for rays in these directions (n,) rad, and targets with a gain of at most `onward` (t,)."""
+        """Return the limits for rays in these directions (d,) rad, and targets with a gain of at most `onward` (t,)."""
         return Detectable(
-            self.departing(directions),
+            self.departing(directions, self.leaving[:, None]),
             self.faintest / _LOUDER / onward,
-            math.cos(self.arriving),
-            math.sin(self.arriving),
-            _loudest_aside(self.ka),
+            np.column_stack((np.cos(self.arriving), np.sin(self.arriving))),
+            loudest_aside(self.ka),
         )
 
-    def departing(self, directions: FloatArray) -> FloatArray:
-        """Return an upper bound of the amplitude of rays that leave in these directions (n,) rad, (n,)."""
-        aside = np.abs(angle_difference(directions, self.leaving))
-        return np.asarray(_loudest_aside(self.ka)[(aside / math.pi * (_ANGLES - 1)).astype(np.intp)])
+    def departing(self, directions: FloatArray, headings: FloatArray) -> FloatArray:
+        """Return an upper bound of the amplitude of rays in `directions` (rad) from senders along `headings`."""
+        aside = np.abs(angle_difference(directions, headings))
+        return np.asarray(loudest_aside(self.ka)[(aside / math.pi * (_ANGLES - 1)).astype(np.intp)])
 
 
-def all_rays(rays: int, targets: int, faintest: float = 0.0) -> Detectable:
-    """Return the limits for a search that drops only rays without any sound left.
+def all_rays(
+    rays: int, places: int, targets: int, faintest: float = 0.0, leaving: FloatArray | None = None
+) -> Detectable:
+    """Return the limits for a search that drops only rays without any sound left; so many `targets` at each place.
 
-    Paths to targets but the first may be omitted if they are fainter than `faintest`.
+    Paths to targets but the first may be omitted if they are fainter than `faintest`; with amplitudes of rays at
+    departure, `leaving` (places, rays), those to the first too.
     """
-    least = np.append(0.0, np.full(targets - 1, faintest / _LOUDER))
-    return Detectable(np.ones(rays), least, 1.0, 0.0, _for_kernels(np.ones(1)))
+    of_place = np.full(targets, faintest / _LOUDER)
+    if leaving is None:
+        of_place[0], leaving = 0.0, np.ones((places, rays))
+    axes = np.column_stack((np.ones(places), np.zeros(places)))
+    return Detectable(leaving, np.tile(of_place, places), axes, _for_kernels(np.ones(1)))
 
 
 @lru_cache(maxsize=16)
-def _loudest_aside(ka: float) -> FloatArray:
+def loudest_aside(ka: float) -> FloatArray:
     """Return the largest beam factor, for one pass, at or beyond each angle minus one degree, (1441,) for 0 to π."""
     angles = np.linspace(0, math.pi, _ANGLES)
     return _for_kernels(np.maximum.accumulate(beam_gain(np.maximum(angles - _ASIDE, 0.0), ka)[::-1])[::-1])
@@ -383,24 +391,27 @@ def with_other(
     return table, found, known
 
 
-def fan_of(table: CandidateTable, found: int, known: int, targets: int) -> Fan:
+def fan_of(table: CandidateTable, found: int, known: int, places: int, targets: int) -> Fan:
     """Return the candidates with their sequences, and the direct path to every target, which rays may miss.
 
-    The table has so many `found` candidates and `known` sequences. Raises InputError if they need too much memory.
+    The table has so many `found` candidates and `known` sequences; `targets` are those of each place. Raises InputError
+    if they need too much memory.
     """
     candidates = table.candidates[:found]
     deepest = int(candidates[:, 1].max(initial=0))
     check_size(found, deepest + 2)
     touched = _touched_before(table, found, known, deepest)
-    by_rays = candidates[(candidates[:, 1] > 0) | (candidates[:, 2] == 0)]
-    return Fan(touched, np.vstack((direct_candidates(targets), by_rays)))
+    by_rays = candidates[(candidates[:, 1] > 0) | (candidates[:, 2] % targets == 0)]
+    return Fan(touched, np.vstack((direct_candidates(places, targets), by_rays)))
 
 
-def direct_candidates(targets: int) -> IntArray:
-    """Return the candidates without reflections to every target but the receiver, which is row 0, (targets - 1, 3)."""
-    direct = np.zeros((targets - 1, 3), dtype=np.int32)
-    direct[:, 2] = np.arange(1, targets)
-    return direct
+def direct_candidates(places: int, targets: int) -> IntArray:
+    """Return the candidates without reflections to every target but the receivers, which are the first of each place.
+
+    They are (places * (targets - 1), 3).
+    """
+    rows = np.arange(places * targets, dtype=np.int32).reshape(places, targets)[:, 1:].ravel()
+    return np.column_stack((np.zeros((len(rows), 2), np.int32), rows))
 
 
 @compiled
@@ -485,6 +496,8 @@ WIDER = 16.0  # times this distance, if rays have slopes
 _FEW_EDGES = 8  # to test so many at each leg takes less time than to look in the cells of its way
 _LEAST_PART = 720  # directions: fewer take about as long as a thread needs to begin
 _MOST_TOUCHES = 100_000_000  # 400 MB
+_MOST_GAPS = 64
+_LEFT = 1 << 40  # is added to the last sequence of a ray that leaves the room
 _Numbers = NDArray[np.int64]  # as kernels compute with, so that none is compiled twice
 
 
@@ -504,7 +517,7 @@ class _Leg(NamedTuple):
 class _Branch(NamedTuple):
     """Rays of one direction, with different slopes, that have touched the same surfaces so far."""
 
-    direction: int
+    direction: int  # of n * d: those of the first place, then those of the second
     begin: int  # of these rays, in the order of the workspace
     end: int
     bounces: int
@@ -514,9 +527,9 @@ class _Branch(NamedTuple):
 class _Search(NamedTuple):
     """What stays the same while rays are followed: arguments of `follow_fan`, and values derived from them."""
 
-    source: FloatArray
+    sources: FloatArray
     directions: FloatArray
-    slopes: FloatArray  # (n, k), of the rays in each direction
+    slopes: FloatArray  # (n * d, k), of the rays in each direction at each place
     surfaces: Surfaces
     heights: KernelHeights
     reflectances: FloatArray
@@ -524,17 +537,18 @@ class _Search(NamedTuple):
     radii: FloatArray
     longest: FloatArray
     max_bounces: int
-    edges: Listing  # the targets after the first, by the cells near them
+    edges: Listing  # the targets of a place after the first, by the cells near them
     detectable: Detectable
     spacing: float  # rad
     max_length: float  # m, of the longest path to any target
     max_return: float  # m, of the longest path to any target and straight on to the receiver
     faintest: float  # amplitude of the faintest path to any target
     steepest: FloatArray
+    step: int  # directions from one ray to the next
 
 
 class _Workspace(NamedTuple):
-    """Arrays to fill; k slopes in each direction, t targets."""
+    """Arrays to fill; k slopes in each direction, t targets of each place."""
 
     nearby: _Numbers  # (t,): targets that a leg may pass
     is_nearby: BoolArray  # (t,): whether each is one of these; False between two legs
@@ -542,10 +556,14 @@ class _Workspace(NamedTuple):
     touches: _Numbers  # (k,): the surface that each of them touches where the branch meets a low one; -1: passes
     waiting: _Numbers  # (k, 6): branches that wait at a surface, and that surface
     waiting_legs: FloatArray  # (k, 9): their legs to the surface, and its distance
+    gaps: _Numbers  # (g, 4): rows of two directions, each with the last sequence of its ray
 
 
 class Targets(NamedTuple):
-    """Where rays lead: row 0 is the receiver, the others are edges, or walls and posts as circles."""
+    """Where rays lead: for each place a row of its receiver, then the others: edges, or walls and posts as circles.
+
+    These are as many at each place, and the same: one that is none of a place has a longest path of -inf.
+    """
 
     points: FloatArray  # (t, 2), m
     longest: FloatArray  # (t,), m: of the path to each
@@ -559,7 +577,7 @@ class Targets(NamedTuple):
 
 def follow_fan(
     room: Room,
-    source: FloatArray,
+    sources: FloatArray,
     directions: FloatArray,
     targets: Targets,
     max_bounces: int,
@@ -567,28 +585,31 @@ def follow_fan(
     passing: Passing | None = None,
     steepest: FloatArray | None = None,
     passed_below: float = 0.0,
+    step: int = 1,
 ) -> Fan:
-    """Follow every ray from `source` (2,) until its path is too long or too faint for every target.
+    """Follow every ray from `sources` (n, 2) until its path is too long or too faint for every target.
 
-    `directions` (n,) rad, evenly spaced. A ray that meets one of the surfaces of `passing` touches or passes it, and
-    there are several for each direction, with different slopes. Those that rise or fall more than `steepest` lead to
-    the receiver only: slopes (k,) for amplitudes from 0 to 1, None for no limit. In the plan, rays pass posts of
-    a radius under `passed_below` m.
+    `directions` (d,) rad, evenly spaced. Rays follow one of every `step` directions, and others only between two whose
+    rays touch different surfaces. With `passing` there is one source; a ray that meets one of the surfaces of `passing`
+    touches or passes it, and there are several for each direction, with different slopes. Those that rise or fall more
+    than `steepest` lead to the receiver only: slopes (k,) for amplitudes from 0 to 1, None for no limit. In the plan,
+    rays pass posts of a radius under `passed_below` m.
 
     Returns each sequence of surfaces to a target once, and always the direct path to every target but the receiver.
 
     Raises InputError if rays times reflections, or the candidates, would need too much memory.
     """
-    search = _search(room, source, directions, targets, max_bounces, detectable, passing, steepest, passed_below)
+    search = _search(room, sources, directions, targets, max_bounces, detectable, passing, steepest, passed_below, step)
+    each = len(targets.points) // len(sources)
 
     def followed(begin: int, end: int) -> tuple[CandidateTable, int, int]:
-        space = _workspace(len(targets.points), search.slopes.shape[1])
+        space = _workspace(each, search.slopes.shape[1])
         return _follow(begin, end, search, space, no_candidates(), MOST_POINTS)
 
-    (table, found, known), *others = in_parts(followed, len(directions), _LEAST_PART)
+    (table, found, known), *others = in_parts(followed, len(sources) * len(directions), _LEAST_PART)
     for other in others:
         table, found, known = with_other(table, found, known, *other)
-    return fan_of(table, found, known, len(targets.points))
+    return fan_of(table, found, known, len(sources), each)
 
 
 def _no_heights(surfaces: int) -> KernelHeights:
@@ -599,7 +620,7 @@ def _no_heights(surfaces: int) -> KernelHeights:
 
 def _search(
     room: Room,
-    source: FloatArray,
+    sources: FloatArray,
     directions: FloatArray,
     targets: Targets,
     max_bounces: int,
@@ -607,27 +628,30 @@ def _search(
     passing: Passing | None,
     steepest: FloatArray | None,
     passed_below: float,
+    step: int,
 ) -> _Search:
     """Return the arguments of `follow_fan` for kernels."""
     # what NumPy does as fast is not compiled: a call of min(), zeros() or full() in a kernel costs a tenth of a second
     # or more at its compilation
     points, longest, radii = targets
-    spacing, max_length = float(directions[1] - directions[0]), float(longest.max())
-    heights, slopes = _no_heights(len(room.reflectances)), np.zeros((len(directions), 1))
+    spacing, max_length = step * float(directions[1] - directions[0]), float(longest.max())
+    heights, slopes = _no_heights(len(room.reflectances)), np.zeros((len(sources) * len(directions), 1))
+    first, each = np.arange(len(sources)) * (len(points) // len(sources)), len(points) // len(sources)
     surfaces = room.blocking(passed_below if passing is None else 0.0)
     if passing is not None:
         # a path has one slope, and few of the rays nearest to it have a similar one
         spacing *= WIDER
         heights, slopes = passing.heights, passing.slopes(directions)
-    if slopes.size * max_bounces > _MOST_TOUCHES:
+    rays = slopes.size // len(sources)
+    if rays * max_bounces > _MOST_TOUCHES:
         raise InputError(
-            f"{slopes.size} rays with up to {max_bounces} reflections each: expected at most {_MOST_TOUCHES} "
+            f"{rays} rays with up to {max_bounces} reflections each: expected at most {_MOST_TOUCHES} "
             "reflections in all, because of memory; use fewer rays or fewer reflections"
         )
-    near_edges = _ALLOWANCE * spacing * max_length + radii[1:, None]
-    onward = longest[1:] + np.hypot(*(points[1:] - points[0]).T)
+    near_edges = _ALLOWANCE * spacing * max_length + radii[1:each, None]
+    onward = longest + np.hypot(*(points - np.repeat(points[first], each, axis=0)).T)
     return _Search(
-        source,
+        sources,
         directions,
         slopes,
         surfaces,
@@ -637,20 +661,22 @@ def _search(
         radii,
         longest,
         max_bounces,
-        list_points(room.surfaces.cells, points[1:], near_edges),
+        list_points(room.surfaces.cells, points[1:each], near_edges),
         detectable,
         spacing,
         max_length,
-        float(np.append(onward, longest[0]).max()),
+        float(onward.max()),
         float(detectable.least.min()),
         np.full(2, math.inf) if steepest is None else steepest,
+        step,
     )
 
 
 def _workspace(targets: int, slopes: int) -> _Workspace:
     order, touches = np.empty((2, slopes), np.int64)
     waiting, legs = np.empty((slopes, 6), np.int64), np.empty((slopes, 9))
-    return _Workspace(np.empty(targets, np.int64), np.zeros(targets, np.bool_), order, touches, waiting, legs)
+    nearby, gaps = np.empty(targets, np.int64), np.empty((_MOST_GAPS, 4), np.int64)
+    return _Workspace(nearby, np.zeros(targets, np.bool_), order, touches, waiting, legs, gaps)
 
 
 @compiled
@@ -682,38 +708,116 @@ def _follow_directions(
     reached have to be followed again, which changes no candidate.
     """
     # this part makes no arrays: growing them here would cost 10 to 25 % of the time
+    before, count = -1, search.directions.shape[0]
     for direction in range(first, end):
-        leaving = search.detectable.leaving[direction]
-        if leaving > search.faintest:
-            dx, dy = math.cos(search.directions[direction]), math.sin(search.directions[direction])
-            leg = _Leg(search.source[0], search.source[1], dx, dy, 0.0, 0.0, 1.0, leaving)
-            found, known = _follow_direction(direction, leg, found, known, search, space, table)
-            if is_full(table, found, known):
-                return direction, found, known
+        row = direction % count
+        if row % search.step > 0:
+            continue
+        if search.step > 1 and (before < 0 or row == 0):
+            # the direction before the first one of a place is its last one
+            earlier = direction - search.step if row > 0 else direction + (count - 1) // search.step * search.step
+            found, known, before = _follow_ray(earlier, found, known, search, space, table)
+        found, known, last = _follow_ray(direction, found, known, search, space, table)
+        if search.step > 1 and not _are_alike(before, last, table):
+            place = direction - row
+            low = row - search.step if row > 0 else (count - 1) // search.step * search.step
+            found, known = _follow_between(
+                place, low, before, row if row > 0 else count, last, found, known, search, space, table
+            )
+        before = last
+        if is_full(table, found, known):
+            return direction, found, known
     return end, found, known
+
+
+@compiled_part
+def _follow_between(
+    place: int,
+    row: int,
+    last: int,
+    next_row: int,
+    next_last: int,
+    found: int,
+    known: int,
+    search: _Search,
+    space: _Workspace,
+    table: CandidateTable,
+) -> tuple[int, int]:
+    """Follow rays between two rows of directions whose rays meet different surfaces; return `found` and `known`.
+
+    `place` is the first direction of the place; `last` and `next_last` are the last sequences of both rays. The gap is
+    halved until it is that between two neighbours, wherever the rays on both sides of it differ.
+    """
+    gaps, count = space.gaps, 1
+    gaps[0, 0], gaps[0, 1], gaps[0, 2], gaps[0, 3] = row, last, next_row, next_last
+    while count > 0 and not is_full(table, found, known):
+        count -= 1
+        low, of_low, high, of_high = gaps[count, 0], gaps[count, 1], gaps[count, 2], gaps[count, 3]
+        middle = (low + high) // 2
+        if middle == low:
+            continue
+        found, known, of_middle = _follow_ray(place + middle, found, known, search, space, table)
+        if not _are_alike(of_low, of_middle, table):
+            gaps[count, 0], gaps[count, 1], gaps[count, 2], gaps[count, 3] = low, of_low, middle, of_middle
+            count += 1
+        if not _are_alike(of_middle, of_high, table):
+            gaps[count, 0], gaps[count, 1], gaps[count, 2], gaps[count, 3] = middle, of_middle, high, of_high
+            count += 1
+    return found, known
+
+
+@inlined
+def _are_alike(last: int, other: int, table: CandidateTable) -> bool:
+    """Return whether two rays touch the same surfaces, but for the last one of each before the limit of length."""
+    if last == other:
+        return True
+    if max(last, other) >= _LEFT:
+        return False
+    shorter, longer = min(last, other), max(last, other)  # a sequence is numbered after those that it continues
+    before = table.sequences[longer - 1, 0]
+    alike: bool = before == shorter or (shorter > 0 and before == table.sequences[shorter - 1, 0])
+    return alike
+
+
+@compiled_part
+def _follow_ray(
+    direction: int, found: int, known: int, search: _Search, space: _Workspace, table: CandidateTable
+) -> tuple[int, int, int]:
+    """Follow the rays of one direction until the table is full.
+
+    Returns `found`, `known` and the last sequence, a larger number if the ray leaves the room.
+    """
+    place, row = direction // search.directions.shape[0], direction % search.directions.shape[0]
+    leaving, angle = search.detectable.leaving[place, row], search.directions[row]
+    if leaving <= search.faintest:
+        return found, known, 0
+    x, y = search.sources[place, 0], search.sources[place, 1]
+    leg = _Leg(x, y, math.cos(angle), math.sin(angle), 0.0, 0.0, 1.0, leaving)
+    return _follow_direction(direction, leg, found, known, search, space, table)
 
 
 @inlined
 def _follow_direction(
     direction: int, leg: _Leg, found: int, known: int, search: _Search, space: _Workspace, table: CandidateTable
-) -> tuple[int, int]:
-    """Follow the rays of one direction until the table is full; return `found` and `known`."""
+) -> tuple[int, int, int]:
+    """Return the result of `_follow_ray` for rays that begin with a leg."""
     walls, posts, cells, (starts, numbers) = search.surfaces
     branch = _whole_branch(direction, space)
     # a plain -1 has a type of its own, for which `first_among` would be compiled once more
     surface: int = np.int64(-1)  # type: ignore[assignment]
     following: int = np.int64(-1)  # type: ignore[assignment]
     distance, flattest, waiting, going = 0.0, _flattest(branch, search, space), 0, True
+    place, receiver = _place_and_receiver(direction, search)
     while going or waiting > 0:
         if going:
             distance, following = first_among(
                 leg.x, leg.y, leg.dx, leg.dy, surface, walls, posts, cells, starts, numbers
             )
             edges_too = flattest <= search.steepest[_step(leg.amplitude, search.steepest.shape[0])]
-            found = _note_targets(leg, distance, branch, edges_too, found, search, space, table)
+            found = _note_targets(place, receiver, leg, distance, branch, edges_too, found, search, space, table)
             if is_full(table, found, known):
                 break
-            going = _can_return(leg, distance, search)
+            going = _can_return(receiver, leg, distance, search)
         else:
             waiting -= 1
             branch, leg, distance, following = _resumed(waiting, space)
@@ -741,11 +845,20 @@ def _follow_direction(
             known = max(known, branch.sequence)
             if is_full(table, found, known):
                 break
-    return found, known
+    return found, known, branch.sequence if distance < np.inf else branch.sequence + _LEFT
+
+
+@inlined
+def _place_and_receiver(direction: int, search: _Search) -> tuple[int, int]:
+    """Return the row of the place of a direction, and the row of its receiver among the targets."""
+    place = direction // search.directions.shape[0]
+    return place, place * (search.targets.shape[0] // search.sources.shape[0])
 
 
 @inlined
 def _note_targets(
+    place: int,
+    receiver: int,
     leg: _Leg,
     distance: float,
     branch: _Branch,
@@ -759,15 +872,16 @@ def _note_targets(
 
     The receiver is none of them on the first leg if that starts there.
     """
-    source, targets = search.source, search.targets
+    sources, targets = search.sources, search.targets
     reach = min(distance, search.max_length - leg.length)
     passed = _edges_along(leg, reach, search, space) if edges_too else 0
-    if branch.bounces > 0 or targets[0, 0] != source[0] or targets[0, 1] != source[1]:
+    is_there = targets[receiver, 0] == sources[place, 0] and targets[receiver, 1] == sources[place, 1]
+    if branch.bounces > 0 or not is_there:
         space.nearby[passed] = 0
         passed += 1
     for k in range(passed):
-        target = space.nearby[k]
-        if not _passes(leg, reach, target, search):
+        target = receiver + space.nearby[k]
+        if not _passes(place, receiver, leg, reach, target, search):
             continue
         if number_of(branch.sequence, target, table.keys, found, table.slots) == found:
             table.candidates[found, 0], table.candidates[found, 1] = branch.sequence, branch.bounces
@@ -779,7 +893,7 @@ def _note_targets(
 
 
 @inlined
-def _passes(leg: _Leg, reach: float, target: int, search: _Search) -> bool:
+def _passes(place: int, receiver: int, leg: _Leg, reach: float, target: int, search: _Search) -> bool:
     """Return whether a leg passes near a target, and its path there is neither too long nor too faint."""
     tx, ty = search.targets[target, 0] - leg.x, search.targets[target, 1] - leg.y
     ahead, aside = tx * leg.dx + ty * leg.dy, abs(tx * leg.dy - ty * leg.dx)
@@ -789,27 +903,28 @@ def _passes(leg: _Leg, reach: float, target: int, search: _Search) -> bool:
     if not (-near <= ahead <= reach + near and aside <= near) or leg.length + ahead > search.longest[target] + near:
         return False
     loudest = leg.amplitude * math.sqrt((leg.length + distance_ahead) / width)
-    if target == 0:
-        loudest *= _most_received(leg, search.spacing, search.detectable)
+    if target == receiver:
+        loudest *= _most_received(place, leg, search.spacing, search.detectable)
     # at the start of the first leg, the tube has no width, and `loudest` is not a number
     return not loudest <= search.detectable.least[target]
 
 
 @inlined
-def _most_received(leg: _Leg, spacing: float, detectable: Detectable) -> float:
+def _most_received(place: int, leg: _Leg, spacing: float, detectable: Detectable) -> float:
     """Return the largest beam factor of the receiver for the directions of a tube."""
-    cosine = -leg.dx * detectable.axis_x - leg.dy * detectable.axis_y
+    cosine = -leg.dx * detectable.axes[place, 0] - leg.dy * detectable.axes[place, 1]
     aside = max(math.acos(min(max(cosine, -1.0), 1.0)) - _ALLOWANCE * spacing * leg.opening, 0.0)
     most: float = detectable.receiving[int(aside / math.pi * (detectable.receiving.shape[0] - 1))]
     return most
 
 
 @inlined
-def _can_return(leg: _Leg, distance: float, search: _Search) -> bool:
+def _can_return(receiver: int, leg: _Leg, distance: float, search: _Search) -> bool:
     """Return whether a path is in the room at `distance` ahead, not too long, and near enough to return in time."""
     if leg.length + distance > search.max_length:
         return False
-    x, y = search.targets[0, 0] - leg.x - distance * leg.dx, search.targets[0, 1] - leg.y - distance * leg.dy
+    target_x, target_y = search.targets[receiver, 0], search.targets[receiver, 1]
+    x, y = target_x - leg.x - distance * leg.dx, target_y - leg.y - distance * leg.dy
     home = math.hypot(x, y)
     width = leg.width + leg.opening * (distance + home)
     return leg.length + distance + home - _ALLOWANCE * search.spacing * width <= search.max_return
@@ -912,13 +1027,13 @@ def _reflected(
 
 @inlined
 def _edges_along(leg: _Leg, reach: float, search: _Search, space: _Workspace) -> int:
-    """Fill in the targets (edge k is target k + 1) that a leg may pass; return their number.
+    """Fill in the targets of a place (edge k is target k + 1) that a leg may pass; return their number.
 
     An edge is listed in every cell from which a ray without posts could be near it, and taken once. A tube spread by a
     post is wider, so all edges are targets. So are all if they are few.
     """
     cells, nearby, is_nearby, count = search.surfaces.cells, space.nearby, space.is_nearby, 0
-    if leg.opening > 1.0 or search.targets.shape[0] - 1 <= _FEW_EDGES:
+    if leg.opening > 1.0 or nearby.shape[0] - 1 <= _FEW_EDGES:
         for k in range(nearby.shape[0] - 1):
             nearby[k] = k + 1
         return int(nearby.shape[0] - 1)

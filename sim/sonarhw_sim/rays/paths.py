@@ -71,11 +71,14 @@ class PathSearch:
     axes: TransducerAxes | None = None  # where sender and receiver point, to list only paths that they can detect
     ka: float | None = None  # of a transducer at any heading, to list only diffracted paths that it can detect
     shadows: bool = True  # whether sound bends past obstacles on the way out and back, and past thin posts
+    step: int = 1  # every so many rays are followed, and the others where two of these meet different surfaces
+    leaving: FloatArray | None = None  # (n, rays): the most amplitude of rays of each place at departure; None: 1
 
     @property
     def directions(self) -> FloatArray:
         """Those of the rays, (n,) rad: all round, or in front of the sender."""
-        return fan(self.rays, None if self.axes is None else self.axes.leaving)
+        one = self.axes is not None and len(self.axes.leaving) == 1
+        return fan(self.rays, float(self.axes.leaving[0]) if self.axes is not None and one else None)
 
     @property
     def reversed(self) -> "PathSearch":
@@ -184,75 +187,127 @@ def find_paths(
     Sound may pass the low surfaces of `passing` as well as touch them; then paths that differ only by the surfaces that
     they touch at one point are all listed. There are no paths to or from the inside of a post that sound cannot pass.
     """
-    source = np.array(position, dtype=np.float64)
-    end = source if receiver is None else np.array(receiver, dtype=np.float64)
-    if _inside_post(room, source, passing) or _inside_post(room, end, passing):
-        return _paths_of(PartialPaths.none())
-    edges = _diffracting_edges(room, source, end, search)
+    sources = np.array([position], dtype=np.float64)
+    ends = sources if receiver is None else np.array([receiver], dtype=np.float64)
+    return _paths_of(_paths_between(room, sources, search, ends, passing))
+
+
+def find_paths_of_places(
+    room: Room, positions: FloatArray, search: PathSearch, receivers: FloatArray | None = None
+) -> tuple[Paths, NDArray[np.intp]]:
+    """Return the paths of `find_paths` from each position (n, 2) m, one place after the other, and where they begin.
+
+    The paths of place k are the rows from `begins[k]` up to `begins[k + 1]`, (n + 1,). `search.axes` are those of each
+    place. Raises InputError if the paths of all places need too much memory.
+    """
+    partial = _paths_between(room, positions, search, positions if receivers is None else receivers, None)
+    begins = np.searchsorted(partial.places, np.arange(len(positions) + 1))
+    return _paths_of(partial), begins
+
+
+def _paths_between(
+    room: Room, sources: FloatArray, search: PathSearch, ends: FloatArray, passing: Passing | None
+) -> PartialPaths:
+    """Return the paths from each of `sources` to the one of `ends` in the same row, (n, 2) each, in order of place.
+
+    With `passing` there is one source. The receivers are the senders if `ends` is `sources`.
+    """
+    both_ways = ends is sources
+    outside = ~(_inside_post(room, sources, passing) | _inside_post(room, ends, passing))
+    if not outside.all():
+        return _outside_posts(room, sources, search, ends, passing, np.flatnonzero(outside))
+    diffracting = _diffracting_edges(room, sources, ends, search)
+    edges = np.flatnonzero(diffracting.any(axis=0))
+    to_edges = np.where(diffracting, _longest_partial(room, ends, search), -math.inf)[:, edges]
     longest, bounces = search.max_length + SLACK, search.max_bounces
     most, shadows = min(bounces, MOST_REFLECTIONS), search.shadows and passing is None
     passed_below = THIN * search.wavelength if shadows else 0.0
-    posts = PostSearch(room, longest, most, search.faintest_diffraction, passing, passed_below)
-    out_ways = ways_to_posts(posts, source, end, search.directions)
-    between, to_edges = ways_from_posts(posts, source, end, edges)
+    posts = PostSearch(room, longest, most, search.faintest_diffraction, passing, passed_below, search.step)
+    out_ways = ways_to_posts(posts, sources, ends, search.directions)
+    between, edge_ways = ways_from_posts(posts, sources, ends, edges)
     chains = chains_of(posts, out_ways, between)
-    out = _partial_paths_from(search, posts, source, end, edges, longest, (chains, to_edges))
+    out = _partial_paths_from(search, posts, sources, ends, edges, to_edges, longest, (chains, edge_ways))
     back, back_ways = out, out_ways
-    if receiver is not None:
-        back_ways = ways_to_posts(posts, end, source, search.reversed.directions)
+    if not both_ways:
+        back_ways = ways_to_posts(posts, ends, sources, search.reversed.directions)
     # paths back are only used at edges
-    if receiver is not None and len(edges):
-        by_posts = chains_of(posts, back_ways, between), to_edges
-        back = _partial_paths_from(search.reversed, posts, end, source, edges, 0.0, by_posts)
+    if not both_ways and len(edges):
+        by_posts = chains_of(posts, back_ways, between), edge_ways
+        to_edges = np.where(diffracting, _longest_partial(room, sources, search), -math.inf)[:, edges]
+        back = _partial_paths_from(search.reversed, posts, ends, sources, edges, to_edges, 0.0, by_posts)
     straight = out.select(np.flatnonzero(out.edges < 0))
     diffracted = diffracted_paths(room, out, back, search.edge_diffraction, longest, bounces)
     if passing is not None:
         columns = diffracted.points, diffracted.surfaces, diffracted.bends, diffracted.lengths
         diffracted = diffracted.select(np.flatnonzero(at_heights(*columns, passing.to_receiver)))
-    touching = post_paths(posts, source, end, chains, back_ways)
+    touching = post_paths(posts, sources, ends, chains, back_ways)
     reflected = PartialPaths.join([straight, with_thin_posts(room, touching, search.wavelength, shadows)])
     if passing is not None:
-        return _paths_of(sequences_once(PartialPaths.join([reflected, diffracted]), both_ways=receiver is None))
+        return sequences_once(PartialPaths.join([reflected, diffracted]), both_ways)
     if shadows and search.diffraction and search.edge_strength is EdgeStrength.UNIFORM:
         limits = search.wavelength, search.faintest_diffraction
-        reflected = with_shadows(room, reflected, source, end, longest, bounces, limits)
+        reflected = with_shadows(room, reflected, sources, ends, longest, bounces, limits)
     # rays leave gaps, which are seldom the same for a path and its reverse
-    reverses = missing_reverses(reflected) if receiver is None else PartialPaths.none()
+    reverses = missing_reverses(reflected) if both_ways else PartialPaths.none()
     paths = shortest_first(PartialPaths.join([reflected, reverses, diffracted]))
-    return _paths_of(past_thin_posts(room, paths, search.wavelength, search.faintest_diffraction) if shadows else paths)
+    return past_thin_posts(room, paths, search.wavelength, search.faintest_diffraction) if shadows else paths
+
+
+def _outside_posts(
+    room: Room,
+    sources: FloatArray,
+    search: PathSearch,
+    ends: FloatArray,
+    passing: Passing | None,
+    rows: NDArray[np.intp],
+) -> PartialPaths:
+    """Return the paths of `_paths_between` for these rows of the places only."""
+    if not len(rows):
+        return PartialPaths.none()
+    chosen = sources[rows]
+    some = search if search.axes is None else replace(search, axes=search.axes.select(rows))
+    some = some if some.leaving is None else replace(some, leaving=some.leaving[rows])
+    paths = _paths_between(room, chosen, some, chosen if ends is sources else ends[rows], passing)
+    return replace(paths, places=rows.astype(np.int32)[paths.places])
 
 
 def _partial_paths_from(
     search: PathSearch,
     posts: PostSearch,
-    place: FloatArray,
-    other: FloatArray,
+    places: FloatArray,
+    others: FloatArray,
     edges: NDArray[np.intp],
+    to_edges: FloatArray,
     to_other: float,
     by_posts: tuple[Chains, PostWays],
 ) -> PartialPaths:
-    """Return the paths from `place` (2,) to these edges (e,) and, up to `to_other` (m), to the other end (2,).
+    """Return the paths from `places` (n, 2) to these edges (e,) and, up to `to_other` (m), to the other ends (n, 2).
 
-    `by_posts` are the chains from `place` to posts and the ways from posts to these edges.
+    `to_edges` (n, e) m are the longest ones to each edge. `by_posts` are the chains from `places` to posts and the ways
+    from posts to these edges.
     """
     room, axes, directions = posts.room, search.axes, search.directions
-    points, longest = np.vstack((other, room.edges.points[edges])), _longest_partial(room, other, search)[edges]
-    targets = Targets.at(points, np.append(to_other, longest))
+    count, each = len(places), 1 + len(edges)
+    points = np.empty((count, each, 2))
+    points[:, 0], points[:, 1:] = others, room.edges.points[edges]
+    longest = np.hstack((np.full((count, 1), to_other), to_edges))
+    targets = Targets.at(points.reshape(-1, 2), longest.ravel())
     if axes is None:
-        detectable = all_rays(len(directions), len(points), search.faintest_diffraction)
+        detectable = all_rays(len(directions), count, each, search.faintest_diffraction, search.leaving)
     else:
-        distances, onward = (np.hypot(*(points[1:] - end).T) for end in (place, other))
-        detectable = axes.detectable(directions, np.append(1.0, search.edge_diffraction.loudest(distances, onward)))
+        distances, onward = (np.hypot(*(points[:, 1:] - end[:, None]).reshape(-1, 2).T) for end in (places, others))
+        gains = search.edge_diffraction.loudest(distances, onward).reshape(count, -1)
+        detectable = axes.detectable(directions, np.hstack((np.ones((count, 1)), gains)).ravel())
     bounces, passing = search.max_bounces, posts.passing
-    steepest, leads_to = search.steepest_bent, np.append(-1, edges).astype(np.int32)
+    steepest, leads_to = search.steepest_bent, np.tile(np.append(-1, edges).astype(np.int32), count)
     below = posts.passed_below
-    fans = [follow_fan(room, place, directions, targets, bounces, detectable, passing, steepest, below)]
+    fans = [follow_fan(room, places, directions, targets, bounces, detectable, passing, steepest, below, search.step)]
     if 0 < (room.posts[:, 2] < below).sum() <= _MOST_FOLLOWED:
         # rays pass thin posts: others meet them, and find paths by them with more reflections than those of chains
-        meeting = follow_fan(room, place, directions, targets, bounces, detectable)
+        meeting = follow_fan(room, places, directions, targets, bounces, detectable, step=search.step)
         fans.append(with_thin_touched(room, meeting, below))
-    partial = PartialPaths.join([solved_paths(room, place, fan_, targets, leads_to, passing, below) for fan_ in fans])
-    touching = post_paths_to_edges(posts, place, *by_posts, edges, longest)
+    partial = PartialPaths.join([solved_paths(room, places, fan_, targets, leads_to, passing, below) for fan_ in fans])
+    touching = post_paths_to_edges(posts, places, *by_posts, edges, to_edges)
     if len(touching):
         partial = PartialPaths.join([partial, _new(touching, partial)])
     partial = with_thin_posts(room, partial, search.wavelength, posts.passed_below > 0.0)
@@ -264,8 +319,9 @@ def _departing(
 ) -> NDArray[np.intp]:
     """Return the rows of paths that leave loud enough for their target: row 0 of `least` or one of these edges."""
     away = paths.points[:, 1] - paths.points[:, 0]
-    target = np.where(paths.edges < 0, 0, np.searchsorted(edges, paths.edges) + 1)
-    amplitudes = axes.departing(np.arctan2(away[:, 1], away[:, 0])) * paths.gains
+    target = np.where(paths.edges < 0, 0, np.searchsorted(edges, paths.edges) + 1) + paths.places * (1 + len(edges))
+    headings = axes.leaving[paths.places]
+    amplitudes = axes.departing(np.arctan2(away[:, 1], away[:, 0]), headings) * paths.gains
     return np.flatnonzero(amplitudes >= least[target])
 
 
@@ -274,27 +330,29 @@ def _new(paths: PartialPaths, earlier: PartialPaths) -> PartialPaths:
     most = paths.surfaces.shape[1]
     short = earlier.select(np.flatnonzero((earlier.bends <= most) & (earlier.edges >= 0)))
     both = PartialPaths.join([short, paths])
-    kept = first_of_equal(np.column_stack((both.edges, both.surfaces)))
+    kept = first_of_equal(np.column_stack((both.places, both.edges, both.surfaces)))
     return paths.select(kept[kept >= len(short)] - len(short))
 
 
-def _inside_post(room: Room, place: FloatArray, passing: Passing | None) -> bool:
+def _inside_post(room: Room, places: FloatArray, passing: Passing | None) -> NDArray[np.bool_]:
+    """Return which places (n, 2) are inside of a post, (n,)."""
     posts = room.posts if passing is None else room.posts[~passing.low[len(room.walls) :]]
-    return bool((np.hypot(posts[:, 0] - place[0], posts[:, 1] - place[1]) < posts[:, 2]).any())
+    away = np.hypot(*np.moveaxis(posts[:, :2] - places[:, None], -1, 0))
+    return np.asarray((away < posts[:, 2]).any(axis=1))
 
 
-def _diffracting_edges(room: Room, source: FloatArray, end: FloatArray, search: PathSearch) -> NDArray[np.intp]:
-    """Return the edges near enough for a diffracted path that is not too long and not too faint."""
+def _diffracting_edges(room: Room, sources: FloatArray, ends: FloatArray, search: PathSearch) -> NDArray[np.bool_]:
+    """Return which edges (e,) are near enough for a diffracted path that is not too long and not too faint, (n, e)."""
     if not search.diffraction:
-        return np.empty(0, dtype=np.intp)
-    longest = np.minimum(_longest_partial(room, end, search), search.max_length)
-    near = np.hypot(*(room.edges.points - source).T) <= longest
-    return np.flatnonzero(near & ~room.enclosures.separated_from(source))
+        return np.zeros((len(sources), len(room.edges)), np.bool_)
+    longest = np.minimum(_longest_partial(room, ends, search), search.max_length)
+    near = np.hypot(*np.moveaxis(room.edges.points - sources[:, None], -1, 0)) <= longest
+    return np.asarray(near & ~room.enclosures.separated_from(sources))
 
 
-def _longest_partial(room: Room, end: FloatArray, search: PathSearch) -> FloatArray:
-    """Return the greatest length of a path to each edge that may continue to `end`, (edges,) m; 0: none."""
-    straight = np.hypot(*(room.edges.points - end).T)
+def _longest_partial(room: Room, ends: FloatArray, search: PathSearch) -> FloatArray:
+    """Return the greatest length of a path to each edge that may continue to `ends` (n, 2), (n, edges) m; 0: none."""
+    straight = np.hypot(*np.moveaxis(room.edges.points - ends[:, None], -1, 0))
     loud = search.edge_diffraction.longest_partial(straight)
     return np.asarray(np.clip(np.minimum(loud, search.max_length + SLACK - straight), 0.0, None))
 

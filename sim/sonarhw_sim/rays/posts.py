@@ -392,13 +392,14 @@ class PostSearch:
     faintest: float  # gain; fainter paths by several posts, or by posts to edges, may be omitted
     passing: Passing | None  # low surfaces that sound may pass; None: a search in the plan
     passed_below: float  # m, the radius of posts that sound passes
+    step: int = 1  # of the rays from places, as in `fan.follow_fan`
 
 
 @dataclass(frozen=True)
 class PostWays(PathTable):
-    """Ways over walls, straight to the centres of posts; one row each, in order of `starts`."""
+    """Ways over walls, straight to the centres of posts; one row each, in order of `starts` and then of `targets`."""
 
-    starts: IntArray  # (n,): row in the room's posts; -1: the place
+    starts: IntArray  # (n,): row in the room's posts, or of the place
     targets: IntArray  # (n,): row in the room's posts, or of the edges
     bounces: IntArray  # (n,)
     surfaces: IntArray  # (n, 2): walls, padded with -1
@@ -410,24 +411,24 @@ class PostWays(PathTable):
         return PostWays(np.empty(0), whole, whole, whole, np.empty((0, 2), np.int32))
 
 
-def ways_to_posts(search: PostSearch, place: FloatArray, other: FloatArray, directions: FloatArray) -> PostWays:
-    """Return the ways from `place` (2,) to posts, of paths that continue to `other` (2,).
+def ways_to_posts(search: PostSearch, places: FloatArray, others: FloatArray, directions: FloatArray) -> PostWays:
+    """Return the ways from `places` (n, 2) to posts, of paths that continue to `others` (n, 2).
 
-    They are in order of post. `directions` (n,) are those of evenly spaced rays (rad).
+    `directions` (d,) are those of evenly spaced rays (rad).
     """
     posts, most = search.room.posts, search.max_bounces - 1
     if most < 0 or len(posts) == 0:
         return PostWays.none()
     radii = posts[:, 2]
-    longest = search.max_length + radii - np.hypot(*(posts[:, :2] - other).T)
-    targets = Targets(posts[:, :2], longest, radii)
-    return _ways(search.room, place, -1, targets, directions, most, search.passing, search.passed_below)
+    longest = search.max_length + radii - np.hypot(*np.moveaxis(posts[:, :2] - others[:, None], -1, 0))
+    below, step = search.passed_below, search.step
+    return _ways(search.room, places, posts[:, :2], longest, radii, directions, most, search.passing, below, step)
 
 
 def ways_from_posts(
-    search: PostSearch, source: FloatArray, end: FloatArray, edges: NDArray[np.intp]
+    search: PostSearch, sources: FloatArray, ends: FloatArray, edges: NDArray[np.intp]
 ) -> tuple[PostWays, PostWays]:
-    """Return the ways from each post to posts and to `edges` (e,), of paths from `source` (2,) to `end` (2,).
+    """Return the ways from each post to posts and to `edges` (e,), of paths from `sources` to `ends` (n, 2).
 
     In a search with heights, only the straight ways.
     """
@@ -438,7 +439,8 @@ def ways_from_posts(
     most = search.max_bounces - 1 if search.passing is None else 0
     count, ways = len(room.posts), _ways_of_room(room, max_length, most, search.passed_below)
     targets, radii = _posts_and_edges(room)
-    away = np.minimum(*(np.hypot(*(targets - place).T) for place in (source, end)))
+    places = np.unique(np.vstack((sources, ends)), axis=0)
+    away = np.hypot(*np.moveaxis(targets - places[:, None], -1, 0)).min(axis=0)
     listed = np.append(np.ones(count, np.bool_), np.isin(np.arange(len(room.edges)), edges))
     short = ways.lengths <= max_length - away[ways.starts] - away[ways.targets] + 2 * (
         radii[ways.starts] + radii[ways.targets]
@@ -456,55 +458,61 @@ def _posts_and_edges(room: Room) -> tuple[FloatArray, FloatArray]:
     return points, np.append(room.posts[:, 2], np.zeros(len(room.edges)))
 
 
-# the ways are the same for every place, and scans of one room follow each other
-@lru_cache(maxsize=1)
+# the ways are the same for every place, and scans of one room follow each other, at one range or a few
+@lru_cache(maxsize=4)
 def _ways_of_room(room: Room, max_length: float, most: int, passed_below: float) -> PostWays:
     """Return the ways of up to `most` walls, up to `max_length` (m), from each post to posts and edges."""
     points, radii = _posts_and_edges(room)
-    targets, directions = Targets(points, np.full(len(points), max_length), radii), fan(_RAYS)
-    return PostWays.join(
-        [
-            _ways(room, points[post], post, targets, directions, most, None, passed_below)
-            for post in range(len(room.posts))
-        ]
-    )
+    posts = points[: len(room.posts)]
+    longest = np.full((len(posts), len(points)), max_length)
+    return _ways(room, posts, points, longest, radii, fan(_RAYS), most, None, passed_below, 1)
 
 
 def _ways(
     room: Room,
-    place: FloatArray,
-    start: int,
-    targets: Targets,
+    places: FloatArray,
+    points: FloatArray,
+    longest: FloatArray,
+    radii: FloatArray,
     directions: FloatArray,
     most: int,
     passing: Passing | None,
     passed_below: float,
+    step: int,
 ) -> PostWays:
-    """Return the ways of up to `most` walls from `place` (2,), the post `start`, to targets."""
-    # the receiver, target 0, is none of them
-    targets = Targets(np.vstack((place, targets.points)), *(np.append(0.0, column) for column in targets[1:]))
-    count = len(targets.points)
-    near = Fan(np.full((1, MOST_REFLECTIONS - 1), -1, np.int32), direct_candidates(count))
+    """Return the ways of up to `most` walls from `places` (n, 2) to points (t, 2) of `radii` (t,).
+
+    `longest` (n, t) m are those of a way to each.
+    """
+    # the receiver, the first target of each place, is none of them
+    count = 1 + len(points)
+    to = np.hstack((places[:, None], np.broadcast_to(points, (len(places), *points.shape))))
+    targets = Targets(
+        to.reshape(-1, 2),
+        np.hstack((np.zeros((len(places), 1)), longest)).ravel(),
+        np.tile(np.append(0.0, radii), len(places)),
+    )
+    near = Fan(np.full((1, MOST_REFLECTIONS - 1), -1, np.int32), direct_candidates(len(places), count))
     if most:
-        near = follow_fan(
-            room, place, directions, targets, most, all_rays(len(directions), count), passing, passed_below=passed_below
-        )
+        detectable = all_rays(len(directions), len(places), count)
+        near = follow_fan(room, places, directions, targets, most, detectable, passing, None, passed_below, step)
     candidates = near.candidates
     touched = np.where(np.arange(near.touched.shape[1]) < candidates[:, 1:2], near.touched[candidates[:, 0]], -1)
-    over_walls = (touched < len(room.walls)).all(axis=1) & (candidates[:, 2] > 0)
+    over_walls = (touched < len(room.walls)).all(axis=1) & (candidates[:, 2] % count > 0)
     candidates, touched = candidates[over_walls], touched[over_walls]
     order = np.argsort(candidates[:, 2], kind="stable")
     candidates, touched = candidates[order], touched[order]
     # a way ends within its post, so an empty grid: nothing blocks; the whole path is checked later
     nothing = Listing(np.zeros_like(room.surfaces.listing.starts), room.surfaces.listing.numbers[:0])
     blocking = room.surfaces._replace(listing=nothing)
-    near, targets = near._replace(candidates=candidates), targets._replace(longest=np.full(count, np.inf))
+    near, targets = near._replace(candidates=candidates), targets._replace(longest=np.full(len(places) * count, np.inf))
     # a ray beside the centre touches this wall, so a path to the side of the post may, too
-    real, _, lengths, _ = solve_candidates(place, near, targets, blocking, beyond_ends=np.inf)
+    real, _, lengths, _ = solve_candidates(places, near, targets, blocking, beyond_ends=np.inf)
     _, bounces, target = candidates[real].T
     surfaces = np.full((len(target), MOST_REFLECTIONS - 1), -1, np.int32)
     surfaces[:, : touched.shape[1]] = touched[real]
-    ways = PostWays(lengths, np.full(len(target), start, np.int32), (target - 1).astype(np.int32), bounces, surfaces)
+    start, row = np.divmod(target, count)
+    ways = PostWays(lengths, start.astype(np.int32), (row - 1).astype(np.int32), bounces, surfaces)
     # a place above a low post is no way to it, nor is a post to itself
     return ways.select(np.flatnonzero(lengths > 0.0))
 
@@ -528,13 +536,14 @@ class Chains(PathTable):
     openings: FloatArray  # (n,): least growth of that width per metre behind it
     amplitudes: FloatArray  # (n,): reflectances
     several: NDArray[np.bool_]  # (n,): whether there are several posts
+    places: IntArray  # (n,): row of the place where it begins
 
     @staticmethod
     def none() -> "Chains":
         """Return an empty table."""
         no, whole = np.empty(0), np.empty(0, np.int32)
         surfaces = np.empty((0, MOST_REFLECTIONS), np.int32)
-        return Chains(no, whole, whole, surfaces, no, no, no, no, np.empty(0, np.bool_))
+        return Chains(no, whole, whole, surfaces, no, no, no, no, np.empty(0, np.bool_), whole)
 
 
 def chains_of(search: PostSearch, ways: PostWays, between: PostWays) -> Chains:
@@ -556,8 +565,8 @@ def may_be_louder(chains: Chains, rows: NDArray[np.intp], onward: FloatArray, fa
     return np.asarray(bounds * _LOUDER >= faintest)
 
 
-def equal_pairs(posts: IntArray, others: IntArray) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return all pairs of a row of `posts` (n,) and a row of `others` (k,), in order, with the same post, (m,) each."""
+def equal_pairs(posts: NDArray[np.integer], others: NDArray[np.integer]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return all pairs of a row of `posts` (n,) and a row of `others` (k,), in order, with equal numbers, (m,) each."""
     first = np.searchsorted(others, posts)
     return whole_numbers(first, np.searchsorted(others, posts, side="right") - 1)
 
@@ -576,7 +585,16 @@ def _first(room: Room, ways: PostWays) -> Chains:
     amplitudes = np.append(room.reflectances, 1.0)[surfaces].prod(axis=1)
     openings, first = 1.0 + 2.0 * widths / radii, np.zeros(len(ways), np.bool_)
     return Chains(
-        ways.lengths, ways.targets, ways.bounces + 1, surfaces, 2 * radii, widths, openings, amplitudes, first
+        ways.lengths,
+        ways.targets,
+        ways.bounces + 1,
+        surfaces,
+        2 * radii,
+        widths,
+        openings,
+        amplitudes,
+        first,
+        ways.starts,
     )
 
 
@@ -600,6 +618,7 @@ def _longer(search: PostSearch, chains: Chains, between: PostWays) -> Chains:
         before.openings + 2.0 * widths / radii,
         before.amplitudes * np.append(room.reflectances, 1.0)[touched].prod(axis=1),
         np.ones(len(way), np.bool_),
+        before.places,
     )
     # behind a post, sound only gets fainter
     loud = may_be_louder(chains, np.arange(len(chains)), np.zeros(len(chains)), search.faintest)
@@ -612,35 +631,38 @@ def _longer(search: PostSearch, chains: Chains, between: PostWays) -> Chains:
 # follow one another make one sequence of surfaces, which is solved exactly.
 
 
-def post_paths(search: PostSearch, source: FloatArray, end: FloatArray, chains: Chains, back: PostWays) -> PartialPaths:
-    """Return the paths by posts from `source` (2,) to `end` (2,).
+def post_paths(
+    search: PostSearch, sources: FloatArray, ends: FloatArray, chains: Chains, back: PostWays
+) -> PartialPaths:
+    """Return the paths by posts from `sources` to `ends`, (n, 2) each.
 
-    `chains` are those from `source`, `back` the ways from `end` to posts.
+    `chains` are those from `sources`, `back` the ways from `ends` to posts.
     """
     if not len(chains):
         return PartialPaths.none()
-    first, second = equal_pairs(chains.posts, back.targets)
+    count = len(search.room.posts)
+    first, second = equal_pairs(chains.places * count + chains.posts, back.starts * count + back.targets)
     kept = chains.bounces[first] + back.bounces[second] <= search.max_bounces
     kept &= chains.lengths[first] + back.lengths[second] - chains.saved[first] <= search.max_length
     first, second = first[kept], second[kept]
     loud = ~chains.several[first] | may_be_louder(chains, first, back.lengths[second], search.faintest)
     first, second = first[loud], second[loud]
     sequences = joined(chains.surfaces[first], back.surfaces[second][:, ::-1])
-    target, no_edge = np.zeros(len(first), np.int32), np.array([-1], np.int32)
-    return _solved(search, source, sequences, target, Targets.at(end[None], np.array([search.max_length])), no_edge)
+    targets = Targets.at(ends, np.full(len(ends), search.max_length))
+    return _solved(search, sources, sequences, chains.places[first], targets, np.full(len(ends), -1, np.int32))
 
 
 def post_paths_to_edges(
     search: PostSearch,
-    place: FloatArray,
+    places: FloatArray,
     chains: Chains,
     to_edges: PostWays,
     edges: NDArray[np.intp],
     longest: FloatArray,
 ) -> PartialPaths:
-    """Return the paths from `place` (2,) by posts to `edges` (k,), up to `longest` (k,) m.
+    """Return the paths from `places` (n, 2) by posts to `edges` (k,), up to `longest` (n, k) m.
 
-    `chains` are those from `place`, `to_edges` the ways from posts to these edges.
+    `chains` are those from `places`, `to_edges` the ways from posts to these edges.
     """
     if not len(chains):
         return PartialPaths.none()
@@ -648,27 +670,27 @@ def post_paths_to_edges(
     first, second = equal_pairs(chains.posts, to_edges.starts)
     edge, onward = to_edges.targets[second], to_edges.lengths[second]
     kept = chains.bounces[first] + to_edges.bounces[second] <= search.max_bounces
-    kept &= chains.lengths[first] + onward - chains.saved[first] <= longest[edge]
+    kept &= chains.lengths[first] + onward - chains.saved[first] <= longest[chains.places[first], edge]
     # an edge within the post
     kept &= (onward > room.posts[chains.posts[first], 2]) | (to_edges.bounces[second] > 0)
     first, second, edge = first[kept], second[kept], edge[kept]
     loud = may_be_louder(chains, first, to_edges.lengths[second], search.faintest)
     first, second, edge = first[loud], second[loud], edge[loud]
     sequences = joined(chains.surfaces[first], to_edges.surfaces[second])
-    return _solved(
-        search, place, sequences, edge, Targets.at(room.edges.points[edges], longest), edges.astype(np.int32)
-    )
+    target = chains.places[first] * len(edges) + edge
+    targets = Targets.at(np.tile(room.edges.points[edges], (len(places), 1)), longest.ravel())
+    return _solved(search, places, sequences, target, targets, np.tile(edges.astype(np.int32), len(places)))
 
 
 def _solved(
     search: PostSearch,
-    source: FloatArray,
+    sources: FloatArray,
     sequences: IntArray,
     target: IntArray,
     targets: Targets,
     leads_to: IntArray,
 ) -> PartialPaths:
-    """Return the real ones of the paths by `sequences` (n, b) to these rows `target` (n,) of `targets`.
+    """Return the real ones of the paths by `sequences` (k, b) to these rows `target` (k,) of `targets`.
 
     `leads_to` (t,) is the edge at each target or -1.
     """
@@ -678,5 +700,5 @@ def _solved(
     sequences = np.ascontiguousarray(sequences[:, : bounces.max()])
     candidates = np.column_stack((np.arange(len(sequences)), bounces, target)).astype(np.int32)
     return solved_paths(
-        search.room, source, Fan(sequences, candidates), targets, leads_to, search.passing, search.passed_below
+        search.room, sources, Fan(sequences, candidates), targets, leads_to, search.passing, search.passed_below
     )

@@ -287,16 +287,17 @@ def _no_climbs(surfaces: Surfaces) -> Climbs:
 
 
 def solve_candidates(
-    source: FloatArray,
+    sources: FloatArray,
     fan: Fan,
     targets: Targets,
     surfaces: Surfaces,
     to_receiver: Climbs | None = None,
     beyond_ends: float = ON_WALL,
 ) -> tuple[BoolArray, FloatArray, FloatArray, FloatArray]:
-    """Solve the candidates of a fan (c, 3); those to target 0 only if one of the climbs `to_receiver` is possible.
+    """Solve the candidates of a fan (c, 3); those to receivers only if one of the climbs `to_receiver` is possible.
 
-    A path may touch a wall up to `beyond_ends` m beyond its end.
+    `targets` are those of each of `sources` (n, 2) in turn, as many for each. A path may touch a wall up to
+    `beyond_ends` m beyond its end.
 
     Returns whether each is a valid path not longer than allowed to its target, (c,) bool, and for each of the r valid
     ones: its points from the source to the target, (r, b + 3, 2) m, padded with NaN, for up to b reflections;
@@ -311,7 +312,7 @@ def solve_candidates(
         real, points = np.zeros(count, dtype=np.bool_), np.empty((count, most + 3, 2))
         lengths, divergences = np.empty(count), np.empty(count)
         total = _solve(
-            source,
+            sources,
             fan.touched,
             fan.candidates[begin:end],
             targets.points,
@@ -332,7 +333,7 @@ def solve_candidates(
 
 @compiled
 def _solve(
-    source: FloatArray,
+    sources: FloatArray,
     touched: IntArray,
     candidates: IntArray,
     targets: FloatArray,
@@ -347,14 +348,14 @@ def _solve(
 ) -> int:
     """Fill in the results of `solve_candidates`, and return the number of paths."""
     walls, posts = surfaces.walls, surfaces.posts
-    count, width = 0, points.shape[1]
+    count, width, each = 0, points.shape[1], targets.shape[0] // sources.shape[0]
     mirrors, unfolded = mirrors_of(walls), room_for_posts(width)
     images, room = np.empty((width, 2)), room_for_fitting(width, to_receiver)
     for c in range(candidates.shape[0]):
         ray, bounces, target = candidates[c]
         sequence = touched[ray, :bounces]
         path = points[count, : bounces + 2]
-        path[0, 0], path[0, 1] = source[0], source[1]
+        path[0, 0], path[0, 1] = sources[target // each, 0], sources[target // each, 1]
         path[bounces + 1, 0], path[bounces + 1, 1] = targets[target, 0], targets[target, 1]
         divergence = 1.0
         if _touches_post(sequence, walls.shape[0]):
@@ -367,7 +368,7 @@ def _solve(
         if length > longest[target]:
             continue
         # `bounces`: there is no edge
-        if target == 0 and not fits_a_climb(path, sequence, bounces, length, to_receiver, room):
+        if target % each == 0 and not fits_a_climb(path, sequence, bounces, length, to_receiver, room):
             continue
         if not path_is_free(path, surfaces):
             continue
@@ -524,32 +525,35 @@ class PartialPaths(PathTable):
     edges: IntArray  # (n,): the edge that the path leads to or past; -1: none
     bends: IntArray  # (n,)
     points: FloatArray  # (n, b + 3, 2)
+    places: IntArray  # (n,): row of the place where the path begins
 
     @staticmethod
     def none() -> "PartialPaths":
         """Return an empty table."""
         no = np.empty(0)
         whole = no.astype(np.int32)
-        return PartialPaths(no, no, no, np.empty((0, 0), np.int32), whole, whole, np.empty((0, 3, 2)))
+        return PartialPaths(no, no, no, np.empty((0, 0), np.int32), whole, whole, np.empty((0, 3, 2)), whole)
 
 
 def solved_paths(
     room: Room,
-    place: FloatArray,
+    places: FloatArray,
     fan: Fan,
     targets: Targets,
     leads_to: IntArray,
     passing: Passing | None,
     passed_below: float = 0.0,
 ) -> PartialPaths:
-    """Return those candidates of a fan that are real paths; `leads_to` (t,) is the edge at each target or -1.
+    """Return those candidates of the fans from `places` (n, 2) that are real paths.
+
+    `leads_to` (t,) is the edge at each target or -1.
 
     In the plan, posts of a radius under `passed_below` m block no path.
     """
     blocking = room.blocking(passed_below) if passing is None else passing.blocking
     # the height of a path to an edge is not known yet
     climbs = passing.to_receiver if passing is not None and leads_to[0] < 0 else None
-    real, points, lengths, divergences = solve_candidates(place, fan, targets, blocking, climbs)
+    real, points, lengths, divergences = solve_candidates(places, fan, targets, blocking, climbs)
     # contiguous also if there are several: numba would compile both layouts
     ray, bounces, target = np.ascontiguousarray(fan.candidates[real].T)
     most = points.shape[1] - 3
@@ -557,7 +561,8 @@ def solved_paths(
     _fill_touched(fan.touched, ray, bounces, room.reflectances, surfaces, gains)
     gains /= np.sqrt(divergences)
     bends = bounces.astype(np.int32)
-    paths = PartialPaths(lengths, gains, np.zeros(len(gains)), surfaces, leads_to[target], bends, points)
+    begins = (target // (len(targets.points) // len(places))).astype(np.int32)
+    paths = PartialPaths(lengths, gains, np.zeros(len(gains)), surfaces, leads_to[target], bends, points, begins)
     return paths if (gains > 0).all() else paths.select(np.flatnonzero(gains > 0))
 
 
@@ -581,12 +586,13 @@ def _fill_touched(
 
 
 def shortest_first(paths: PartialPaths) -> PartialPaths:
-    """Sort paths by length and drop duplicates.
+    """Sort the paths of each place by length and drop duplicates.
 
     These are paths with equal points: through a vertex, several sequences describe one path.
     """
     order = _in_order(paths)
-    return paths.select(order[first_of_kind(paths.lengths, paths.edges, paths.points, order)])
+    kinds = paths.places.astype(np.int64) * (int(paths.edges.max(initial=0)) + 2) + paths.edges
+    return paths.select(order[first_of_kind(paths.lengths, kinds, paths.points, order)])
 
 
 def sequences_once(paths: PartialPaths, both_ways: bool) -> PartialPaths:
@@ -603,15 +609,15 @@ def sequences_once(paths: PartialPaths, both_ways: bool) -> PartialPaths:
 def missing_reverses(paths: PartialPaths) -> PartialPaths:
     """Return the reverses of paths between one place and itself that have the surfaces of none of these paths."""
     count = (paths.surfaces >= 0).sum(axis=1)
-    back = np.column_stack((paths.edges, _bends_back(paths, count), _turned(paths.surfaces, count)))
+    back = np.column_stack((paths.places, paths.edges, _bends_back(paths, count), _turned(paths.surfaces, count)))
     # most reverses are known
     missing = np.flatnonzero(~np.isin(hashes_of(back), hashes_of(_sequences(paths))))
     return _reversed(paths.select(missing))
 
 
 def _sequences(paths: PartialPaths) -> IntArray:
-    """Return what distinguishes each path from the others: its edges, bends and surfaces, (p, k)."""
-    return np.column_stack((paths.edges, paths.bends, paths.surfaces))
+    """Return what distinguishes each path from the others: its place, edges, bends and surfaces, (p, k)."""
+    return np.column_stack((paths.places, paths.edges, paths.bends, paths.surfaces))
 
 
 def first_of_equal(table: IntArray) -> NDArray[np.intp]:
@@ -669,18 +675,23 @@ def _turned(table: NDArray[Any], count: NDArray[np.intp]) -> NDArray[Any]:
 
 
 def _in_order(paths: PartialPaths) -> NDArray[np.intp]:
-    """Return the rows by length, and those of equal length as in the room file."""
-    order = np.argsort(paths.lengths, kind="stable")
-    _sort_equals(order, paths.lengths[order], paths.edges, paths.surfaces)
+    """Return the rows by place and length, and those of equal length as in the room file."""
+    order = np.lexsort((paths.lengths, paths.places))
+    _sort_equals(order, paths.lengths[order], paths.places[order], paths.edges, paths.surfaces)
     return order
 
 
 @compiled
-def _sort_equals(order: NDArray[np.intp], lengths: FloatArray, edges: IntArray, surfaces: IntArray) -> None:
-    """Sort each run of rows of nearly equal `lengths` (n,) m in `order` (n,) by edge, then by surfaces; stable."""
+def _sort_equals(
+    order: NDArray[np.intp], lengths: FloatArray, places: IntArray, edges: IntArray, surfaces: IntArray
+) -> None:
+    """Sort each run of rows of nearly equal `lengths` (n,) m in `order` (n,) by edge, then by surfaces; stable.
+
+    `places` (n,) are those of the rows; a run is of one place.
+    """
     begin = 0
     for k in range(1, order.shape[0]):
-        if lengths[k] - lengths[k - 1] > NEARLY:
+        if lengths[k] - lengths[k - 1] > NEARLY or places[k] != places[k - 1]:
             begin = k
         row, position = order[k], k
         while position > begin and _comes_before(row, order[position - 1], edges, surfaces):
@@ -745,7 +756,8 @@ def _drop_repeated(
     for k in range(order.shape[0]):
         path, before = order[k], k - 1
         row = rows[path]
-        while before >= 0 and lengths[row] - lengths[rows[order[before]]] <= _SAME:
+        # at the next place, lengths begin anew
+        while before >= 0 and abs(lengths[row] - lengths[rows[order[before]]]) <= _SAME:
             other = order[before]
             if kept[before] and kinds[path] == kinds[other] and _ends_alike(points[row], points[rows[other]]):
                 kept[k] = False

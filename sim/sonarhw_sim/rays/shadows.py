@@ -17,8 +17,8 @@ from sonarhw.readings import FloatArray
 from sonarhw_sim.board.beam import ComplexArray
 from sonarhw_sim.compiled import array_part, compiled, compiled_part
 from sonarhw_sim.rays.fan import Fan, Targets
-from sonarhw_sim.rays.posts import THIN
-from sonarhw_sim.rays.sequences import ON_WALL, PartialPaths, path_is_free, solve_candidates, unfold
+from sonarhw_sim.rays.posts import THIN, equal_pairs
+from sonarhw_sim.rays.sequences import ON_WALL, PartialPaths, hashes_of, path_is_free, solve_candidates, unfold
 from sonarhw_sim.room.grid import IntArray, Listing, Surfaces, advance, enter, listed
 from sonarhw_sim.room.room import Room
 
@@ -62,49 +62,52 @@ class TwiceBent:
 def with_shadows(
     room: Room,
     reflected: PartialPaths,
-    source: FloatArray,
-    end: FloatArray,
+    sources: FloatArray,
+    ends: FloatArray,
     longest: float,
     most: int,
     limits: tuple[float, float],
 ) -> PartialPaths:
     """Return reflected paths with the sound that bends past edges twice, and those that only this sound follows.
 
-    Paths by up to `most` reflections and `longest` m, from `source` to `end`, (2,) each; `limits` are the wavelength
-    (m) and the gain of the faintest path to add.
+    Paths by up to `most` reflections and `longest` m, from `sources` to `ends`, (n, 2) each; `limits` are the
+    wavelength (m) and the gain of the faintest path to add.
     """
     wavelength, faintest = limits
-    found = _twice_bent(room, source, end, longest, most, wavelength)
+    found = _twice_bent(room, sources, ends, longest, most, wavelength)
     if found is None:
         return reflected
     factors = np.ones(len(reflected), np.complex128)
-    for row in np.flatnonzero(found.free).tolist():
-        factors[_equal_rows(reflected, found.paths, row)] += found.added[row]
+    rows, added = _equal_rows(reflected, found)
+    np.add.at(factors, rows, added)
     reflected = replace(reflected, gains=reflected.gains * np.abs(factors), phases=reflected.phases + np.angle(factors))
     gains = found.paths.gains * np.abs(found.added)
     hidden = replace(found.paths, gains=gains, phases=np.angle(found.added))
     return PartialPaths.join([reflected, hidden.select(np.flatnonzero(~found.free & (gains >= faintest)))])
 
 
-def _equal_rows(paths: PartialPaths, others: PartialPaths, row: int) -> NDArray[np.intp]:
-    """Return the rows of paths that have the surfaces of one of the others."""
-    surfaces = others.surfaces[row, : others.bends[row]]
-    count = len(surfaces)
-    if paths.surfaces.shape[1] < count:
-        return np.empty(0, np.intp)
-    same = (paths.edges < 0) & (paths.bends == count) & (paths.surfaces[:, :count] == surfaces).all(axis=1)
-    return np.flatnonzero(same)
+def _equal_rows(paths: PartialPaths, found: TwiceBent) -> tuple[NDArray[np.intp], ComplexArray]:
+    """Return the rows of paths (k,) that have the surfaces of one that is free, and what is added to each."""
+    rows = np.flatnonzero((paths.edges < 0) & (paths.bends <= 2))
+    few = np.full((len(rows), 2), -1, np.int32)
+    few[:, : paths.surfaces.shape[1]] = paths.surfaces[rows, :2]
+    free = np.flatnonzero(found.free)
+    hashes = hashes_of(np.column_stack((found.paths.places[free], found.paths.surfaces[free])))
+    order = np.argsort(hashes, kind="stable")
+    sought = hashes_of(np.column_stack((paths.places[rows], few)))
+    row, number = equal_pairs(sought, hashes[order])
+    return rows[row], found.added[free[order[number]]]
 
 
 def _twice_bent(
-    room: Room, source: FloatArray, end: FloatArray, longest: float, most: int, wavelength: float
+    room: Room, sources: FloatArray, ends: FloatArray, longest: float, most: int, wavelength: float
 ) -> TwiceBent | None:
     """Return the paths to which sound that bends twice adds something; None if there are none."""
     silhouettes = _silhouettes(room)
     if not len(silhouettes.points) or most < 1:
         return None
     wavenumber, surfaces = math.tau / wavelength, room.blocking(THIN * wavelength)
-    sequences, points, lengths = _by_walls(room, source, end, longest, min(most, 2))
+    sequences, points, lengths, places = _by_walls(room, sources, ends, longest, min(most, 2))
     counts = (sequences >= 0).sum(axis=1)
     pairs = _pairs_of(surfaces, silhouettes, sequences, points, wavenumber)
     if not len(pairs.paths):
@@ -118,7 +121,7 @@ def _twice_bent(
     no_edge = np.full(len(rows), -1, np.int32)
     bends = counts[rows].astype(np.int32)
     none = np.zeros(len(rows))
-    paths = PartialPaths(lengths[rows], gains, none, sequences[rows], no_edge, bends, points[rows])
+    paths = PartialPaths(lengths[rows], gains, none, sequences[rows], no_edge, bends, points[rows], places[rows])
     return TwiceBent(paths, added[rows], free)
 
 
@@ -137,25 +140,28 @@ def _silhouettes(room: Room) -> _Silhouettes:
 
 
 def _by_walls(
-    room: Room, source: FloatArray, end: FloatArray, longest: float, most: int
-) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Return the paths by one wall, or two walls that meet: surfaces (n, 2), points (n, 4, 2) and lengths (n,).
+    room: Room, sources: FloatArray, ends: FloatArray, longest: float, most: int
+) -> tuple[IntArray, FloatArray, FloatArray, IntArray]:
+    """Return the paths by one wall, or two walls that meet: surfaces (n, 2), points (n, 4, 2), lengths (n,), places.
 
-    Nothing blocks them.
+    Nothing blocks them. The places are rows of `sources`.
     """
     sequences = np.full((len(room.walls), 2), -1, np.int32)
     sequences[:, 0] = np.arange(len(room.walls))
     if most > 1:
         sequences = np.vstack((sequences, _corners(room)))
     counts = (sequences >= 0).sum(axis=1)
-    candidates = np.column_stack((np.arange(len(sequences)), counts, np.zeros(len(counts)))).astype(np.int32)
+    places = np.repeat(np.arange(len(sources), dtype=np.int32), len(sequences))
+    numbers = np.tile(np.arange(len(sequences), dtype=np.int32), len(sources))
+    candidates = np.column_stack((numbers, counts[numbers].astype(np.int32), places))
     surfaces = room.surfaces
     nothing = surfaces._replace(listing=Listing(np.zeros_like(surfaces.listing.starts), surfaces.listing.numbers[:0]))
-    targets = Targets.at(end[None], np.array([longest]))
-    real, points, lengths, _ = solve_candidates(source, Fan(sequences, candidates), targets, nothing)
+    targets = Targets.at(ends, np.full(len(ends), longest))
+    real, points, lengths, _ = solve_candidates(sources, Fan(sequences, candidates), targets, nothing)
     padded = np.full((len(points), 5, 2), np.nan)
     padded[:, : points.shape[1]] = points
-    return sequences[real], np.ascontiguousarray(padded[:, :4]), lengths  # kernels are compiled for one layout only
+    # kernels are compiled for one layout only
+    return sequences[numbers[real]], np.ascontiguousarray(padded[:, :4]), lengths, places[real]
 
 
 @lru_cache(maxsize=4)

@@ -161,14 +161,14 @@ class Enclosures:
     inside: BoolArray  # (e,): whether the air of each lies inside its chain
     count: int  # of the room's edges
 
-    def separated_from(self, point: FloatArray) -> BoolArray:
-        """Return which edges have their air on the other side of their chain than `point` (2,), (count,) bool."""
-        shut = np.zeros(self.count, dtype=np.bool_)
+    def separated_from(self, points: FloatArray) -> BoolArray:
+        """Return which edges have their air on the other side of their chain than `points` (n, 2), (n, count) bool."""
+        shut = np.zeros((len(points), self.count), dtype=np.bool_)
         if len(self.starts):
-            within = np.add.reduceat(_passed(point[None], self.walls)[0].astype(np.intp), self.starts) % 2 == 1
+            within = np.add.reduceat(_passed(points, self.walls).astype(np.intp), self.starts, axis=1) % 2 == 1
             # a point on a wall is on both sides
-            is_far = np.minimum.reduceat(wall_distances(point[None], self.walls)[0], self.starts) > MEETING
-            shut[self.edges] = is_far[self.chains] & (self.inside != within[self.chains])
+            is_far = np.minimum.reduceat(wall_distances(points, self.walls), self.starts, axis=1) > MEETING
+            shut[:, self.edges] = is_far[:, self.chains] & (self.inside != within[:, self.chains])
         return shut
 
     def is_outside_of_all(self, point: FloatArray, walls: FloatArray) -> bool:

@@ -88,10 +88,10 @@ def _towards(
     radii = np.concatenate(([0.0], np.hypot(*(walls[:, 2:] - walls[:, :2]).T) / 2, posts[:, 2]))
     away = np.maximum(np.hypot(*(points - other).T) - radii, 0.0)
     targets = Targets(points, np.append(0.0, search.max_length + SLACK - away[1:]), radii)
-    directions = fan(max(16, search.rays // _FEWER), None if search.axes is None else search.axes.leaving)
-    detectable = all_rays(len(directions), len(points), search.faintest_diffraction)
+    directions = fan(max(16, search.rays // _FEWER), None if search.axes is None else search.axes.leaving[0])
+    detectable = all_rays(len(directions), 1, len(points), search.faintest_diffraction)
     with_climbs = replace(plan.passing, climbs=climbs)
-    followed = follow_fan(room, place, directions, targets, search.max_bounces, detectable, with_climbs)
+    followed = follow_fan(room, place[None], directions, targets, search.max_bounces, detectable, with_climbs)
     ray, bounces, target = followed.candidates[followed.candidates[:, 2] > 0].T
     most = int(bounces.max(initial=0))
     before = np.where(np.arange(most) < bounces[:, None], followed.touched[ray, :most], -1).astype(np.int32)

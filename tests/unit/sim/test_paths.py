@@ -14,7 +14,7 @@ from sonarhw_sim.air import EdgeStrength
 from sonarhw_sim.board.beam import beam_gain
 from sonarhw_sim.rays import fan as path_table
 from sonarhw_sim.rays.fan import TransducerAxes
-from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
+from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths, find_paths_of_places
 from sonarhw_sim.rays.posts import cylinder_factor
 from sonarhw_sim.room.room import Room, load_room, parse_room, with_post
 
@@ -375,7 +375,7 @@ def test_no_detectable_path_is_dropped(strength: EdgeStrength, leaving_deg: floa
     room = with_body(load_room("rooms/laboratory.toml"))
     leaving, arriving = math.radians(leaving_deg), math.radians(leaving_deg + turned_deg)
     search = PathSearch(9.0, 0.007, edge_strength=strength, faintest_diffraction=3e-3)
-    axes = TransducerAxes(leaving, arriving, KA, FAINTEST)
+    axes = TransducerAxes(np.array([leaving]), np.array([arriving]), KA, FAINTEST)
     every = find_paths(room, SENDER, search, LISTENER)
     detected = as_rows(every.select(np.flatnonzero(amplitudes(every, leaving, arriving) >= FAINTEST)))
     found = find_paths(room, SENDER, replace(search, axes=axes), LISTENER)
@@ -409,6 +409,20 @@ def turned_room(angle: float) -> Room:
 
 
 SEARCH_PAST = PathSearch(5.0, WAVE, max_bounces=3, faintest_diffraction=1e-3)
+
+
+def test_paths_of_several_places_are_those_of_each() -> None:
+    room = with_post(load_room("laboratory"), (1.0, 1.2, 0.004), "wire", 0.9)
+    search = PathSearch(8.0, WAVE, rays=720, faintest_diffraction=0.03)
+    positions = np.array([(1.72, 1.23), tuple(room.posts[0, :2]), (0.93, 0.46), (2.1, 0.9)])
+    for receivers in (None, positions + 0.01):
+        paths, begins = find_paths_of_places(room, positions, search, receivers)
+        for k, position in enumerate(positions.tolist()):
+            receiver = None if receivers is None else tuple(receivers[k].tolist())
+            alone, here = find_paths(room, tuple(position), search, receiver), slice(begins[k], begins[k + 1])
+            assert (len(alone) == 0) == (k == 1)
+            for name in ("lengths", "gains", "phases", "departures", "arrivals", "edges"):
+                assert (getattr(paths, name)[here] == getattr(alone, name)).all()
 
 
 def test_turning_the_room_changes_no_path() -> None:

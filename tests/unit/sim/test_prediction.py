@@ -16,6 +16,7 @@ from sonarhw_sim.predict.room_echoes import plate_echo
 from sonarhw_sim.room.room import Place, Room, load_room, with_material
 
 import sonarhw
+from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
 from tests.fixtures.rooms_for_tests import room_of
 
@@ -233,9 +234,10 @@ def one_by_one(room: Room, board: Board, poses: FloatArray, height: float | None
 @pytest.mark.parametrize(
     ("name", "board", "height", "count"),
     [
-        ("arena", "hc-sr04", None, 12),
-        ("laboratory", "hc-sr04", None, 8),  # a post, and edges of a panel
-        ("laboratory", "polaroid-6500", None, 2),  # the board's own receiver
+        ("arena", "hc-sr04", None, 40),
+        ("laboratory", "hc-sr04", None, 16),  # a post, and edges of a panel
+        ("laboratory", "polaroid-6500", None, 4),  # the board's own receiver
+        ("corridor", "paper", None, 4),  # sums of arrivals, and readings beyond its range
         ("doorstep", "hc-sr04", 0.3, 2),  # floor, and walls of limited height
     ],
 )
@@ -248,6 +250,17 @@ def test_ranges_are_those_of_single_predictions(name: str, board: str, height: f
     other = (np.isnan(ranges) != np.isnan(expected)) | (np.abs(ranges - expected) > 0.001)
     assert np.isfinite(expected).sum() > 2 * count
     assert other.sum() <= 1
+
+
+def test_paths_that_need_too_much_memory_at_once_are_searched_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    room = load_room("arena")
+    poses = poses_in(room, 12, seed=4)
+    ranges = sonarhw.predict_ranges(room, poses, TWELVE, "hc-sr04")
+    monkeypatch.setattr("sonarhw_sim.rays.fan.MOST_POINTS", 6000)
+    assert np.array_equal(sonarhw.predict_ranges(room, poses, TWELVE, "hc-sr04"), ranges, equal_nan=True)
+    monkeypatch.setattr("sonarhw_sim.rays.fan.MOST_POINTS", 60)
+    with pytest.raises(InputError, match="too many paths"):
+        sonarhw.predict_ranges(room, poses, TWELVE, "hc-sr04")
 
 
 def test_a_ring_has_its_own_headings_and_levels_are_over_the_threshold() -> None:

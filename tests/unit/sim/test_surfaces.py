@@ -186,7 +186,7 @@ def test_a_leg_exactly_through_the_corner_of_two_walls_is_not_free() -> None:
 
 
 def separated_from(room: Room, x: float, y: float) -> set[str]:
-    shut = room.enclosures.separated_from(np.array([x, y]))
+    shut = room.enclosures.separated_from(np.array([[x, y]]))[0]
     return {name for name, gone in zip(room.edges.names, shut, strict=True) if gone}
 
 

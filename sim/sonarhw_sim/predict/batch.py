@@ -1,0 +1,319 @@
+"""The ranges at many poses in one call: paths of many poses are searched together, no farther than readings need.
+
+Most readings are of sound that travels a small part of the board's range, and nearly all paths are longer. So paths are
+searched up to a short length first, and farther only at poses and headings whose reading is not certain by then.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sonarhw import arguments
+from sonarhw.errors import InputError
+from sonarhw.readings import BoolArray, FloatArray
+from sonarhw_sim.air import DEFAULT_BOARD, Receiver, Unit
+from sonarhw_sim.board.beam import PathsAndBeam, Sought, beam_table, detected, together
+from sonarhw_sim.board.profile import Board, load_board
+from sonarhw_sim.board.receiver import Sound, first_echoes
+from sonarhw_sim.board.signal import RATE, pulse_table
+from sonarhw_sim.compiled import compiled, rows_in_parts
+from sonarhw_sim.predict.predicted_scan import KEPT_BELOW_THRESHOLD, is_blanked, loud_enough, strengths
+from sonarhw_sim.predict.prediction import (
+    STEP,
+    PredictionOptions,
+    paths_serve_all_headings,
+    predict_scan,
+    search_for,
+)
+from sonarhw_sim.rays.fan import distances_ahead, loudest_aside
+from sonarhw_sim.rays.paths import RAYS, SLACK, Paths, PathSearch, find_paths_of_places
+from sonarhw_sim.room.room import Place, Room, load_room, warn_of_poses
+from sonarhw_sim.room.room_file import MAX_COORDINATE
+
+_RAYS_ALONE = RAYS // 4  # of a single prediction of first echoes: 0.25° apart
+# Rays of a search of many poses, up to the range of the board. A board's own receiver adds all sound, so that a missing
+# faint path changes a range by millimetres.
+_RAYS = {Receiver.FIRST_ECHO: RAYS // 4, Receiver.BOARD: RAYS}
+_STEPS = {Receiver.FIRST_ECHO: 4, Receiver.BOARD: 8}  # of these rays, from one that is always followed to the next
+_LEAST_RAYS = 360
+_LEAST_POSES = 8  # fewer take about as long as a thread needs to begin
+_TOGETHER = 128  # poses of one search, whose paths fit into the cache of a processor
+_APART = 1e4  # m: lengths of paths of two poses differ by more
+_STAGES, _LONGER = 6, 1.5  # lengths of searches, and the ratio of two of them
+_BEYOND = 1.6  # times the way to the surface straight ahead and back: by then, most echoes have begun
+_MOST_OPEN = 0.75  # share of headings: for fewer, only rays near their beams are followed
+_AT_ONCE = 4096  # poses, so that memory does not grow with their number
+_POSES = "x and y in metres and a heading in radians"
+
+
+@arguments.checked(
+    room=arguments.instance((Room, Path, str), "a room, its name or its file; `room_from_arrays` makes one of arrays"),
+    board=arguments.instance((Board, Path, str), "a board, its name or its file"),
+    levels=arguments.flag,
+    degrees=arguments.flag,
+    height=arguments.number(unit="m"),
+    options=arguments.instance(PredictionOptions, "PredictionOptions"),
+)
+def predict_ranges(
+    room: Room | Path | str,
+    poses: ArrayLike,
+    headings: ArrayLike | None = None,
+    board: Board | Path | str = DEFAULT_BOARD,
+    *,
+    levels: bool = False,
+    degrees: bool = False,
+    height: float | None = None,
+    options: PredictionOptions | None = None,
+) -> FloatArray | tuple[FloatArray, FloatArray]:
+    """Return the range that a board reports at each of many poses and headings, (n, m) float, m; NaN without an echo.
+
+    `poses` (n, 3) are x and y in m and the heading in rad, counter-clockwise from x; without headings, (n, 2), these
+    are 0. `headings` (m,) rad are relative to that of the pose, by default a whole turn in steps of 5 degrees, or those
+    of the sensors of a ring. With `degrees`, all headings are degrees. `height` (m) of the transducer includes floor
+    and ceiling. With `levels`, also the level of the loudest arrival over the threshold is returned, (n, m) dB.
+
+    The poses share the cores. Memory is needed for the result and the paths of some poses on each core. Ranges are
+    those of `predict`, but for fewer than 0.1 % at the border between two echoes, because fewer rays are followed. From
+    a pose inside a post, there is no echo. Raises InputError. Warns if most poses are beyond the walls.
+    """
+    room = room if isinstance(room, Room) else load_room(room)
+    profile = board if isinstance(board, Board) else load_board(board)
+    rows = arguments.rows("poses", poses, (2, 3), _POSES)
+    if (np.abs(rows[:, :2]) > MAX_COORDINATE).any():
+        raise InputError(f"poses: expected x and y in metres, none over {MAX_COORDINATE:g}")
+    turns = arguments.in_radians("poses", rows[:, 2], degrees) if rows.shape[1] == 3 else np.zeros(len(rows))
+    warn_of_poses("poses", room, rows[:, :2])
+    if height is not None:
+        room.check_height(height)
+    angles = _angles_of(headings, profile, degrees)
+    if not levels and height is None and _is_planar(room, profile, options or PredictionOptions()):
+        return _in_plan(room, np.column_stack((rows[:, :2], turns)), angles, profile, options)
+    places = [Place("", (x, y), turn, height) for x, y, turn in np.column_stack((rows[:, :2], turns)).tolist()]
+    options = options or PredictionOptions(rays=RAYS if profile.receiver is Receiver.BOARD else _RAYS_ALONE)
+    ranges, over = _one_by_one(room, places, angles, profile, options, levels)
+    return (ranges, over) if levels else ranges
+
+
+def _angles_of(headings: ArrayLike | None, board: Board, degrees: bool) -> FloatArray:
+    """Return headings relative to that of the pose, rad."""
+    if headings is not None:
+        return arguments.in_radians("headings", arguments.angles("headings", headings), degrees)
+    return np.radians(np.arange(0, 360, STEP)) if board.ring is None else board.ring.headings(Place("", (0.0, 0.0)))
+
+
+def _one_by_one(
+    room: Room, places: list[Place], angles: FloatArray, board: Board, options: PredictionOptions, levels: bool
+) -> tuple[FloatArray, FloatArray]:
+    """Return the ranges and, with `levels`, the levels over the threshold of single predictions, (n, m) each."""
+
+    def predicted(begin: int, end: int) -> tuple[FloatArray, FloatArray]:
+        ranges = np.full((end - begin, len(angles)), np.nan)
+        over = np.full((end - begin, len(angles) if levels else 0), -np.inf)
+        for row, place in enumerate(places[begin:end]):
+            faced = board.faced(place)
+            scan = predict_scan(room, faced, board, faced.heading + board.turned(angles), options)
+            ranges[row] = scan.ranges
+            if levels:
+                over[row] = scan.over_threshold
+        return ranges, over
+
+    ranges, over = rows_in_parts(predicted, len(places), _LEAST_POSES)
+    return ranges, over
+
+
+def _is_planar(room: Room, board: Board, options: PredictionOptions) -> bool:
+    """Return whether a pose has one search for all headings, in the plan, of sound without noise and scattering."""
+    return (
+        paths_serve_all_headings(board, options.unit)
+        and options.unit is Unit.PASS
+        and not (options.noise or options.single or (options.own_body and board.own_body))
+        and not room.tables
+        and not room.scattered[: room.levels.start].any()
+    )
+
+
+@dataclass(frozen=True)
+class _Batch:
+    """Poses of a board in a room, and what is known of their readings."""
+
+    room: Room
+    board: Board
+    options: PredictionOptions
+    positions: FloatArray  # (n, 2), m, of the turning axis
+    headings: FloatArray  # (n, m), rad in the room
+    distances: FloatArray  # (n, m), m, at detection; NaN: no echo. To be filled in
+    open: BoolArray  # (n, m): whether a reading is not known yet. To be filled in
+
+    @property
+    def receiver(self) -> Receiver:
+        """The receiver of the readings."""
+        return self.options.receiver_of(self.board)
+
+
+def _in_plan(
+    room: Room, poses: FloatArray, angles: FloatArray, board: Board, options: PredictionOptions | None
+) -> FloatArray:
+    """Return the ranges of `predict_ranges` at poses (n, 3) and turntable angles (m,), (n, m), of sound in the plan."""
+    options = options or PredictionOptions(rays=_RAYS[board.receiver])
+
+    def predicted(begin: int, end: int) -> tuple[FloatArray]:
+        ranges = np.empty((end - begin, len(angles)))
+        for k in range(0, end - begin, _AT_ONCE):
+            batch = _batch(room, poses[begin + k : min(begin + k + _AT_ONCE, end)], angles, board, options)
+            _read(batch)
+            ranges[k : k + _AT_ONCE] = board.reported(batch.distances)
+        return (ranges,)
+
+    (ranges,) = rows_in_parts(predicted, len(poses), _LEAST_POSES)
+    return ranges
+
+
+def _read(batch: _Batch) -> None:
+    """Fill in all readings: at each pose from paths up to the range by the surfaces ahead, then from longer ones."""
+    lengths = 2 * batch.board.max_range * _LONGER ** np.arange(1 - _STAGES, 1.0)
+    first = np.minimum(np.searchsorted(lengths, _reach_ahead(batch)), _STAGES - 1)
+    for stage, length in enumerate(lengths.tolist()):
+        rows = np.flatnonzero((first <= stage) & batch.open.any(axis=1))
+        for k in range(0, len(rows), _TOGETHER):
+            _read_up_to(length, batch, rows[k : k + _TOGETHER])
+
+
+def _batch(room: Room, poses: FloatArray, angles: FloatArray, board: Board, options: PredictionOptions) -> _Batch:
+    turn = poses[:, 2] + math.radians(board.home_angle_deg)
+    cosine, sine = np.cos(turn), np.sin(turn)
+    aside = board.axis_x * np.column_stack((cosine, sine)) + board.axis_y * np.column_stack((-sine, cosine))
+    headings = turn[:, None] + board.turned(angles)
+    shape = headings.shape
+    return _Batch(
+        room, board, options, poses[:, :2] + aside, headings, np.full(shape, np.nan), np.ones(shape, np.bool_)
+    )
+
+
+def _reach_ahead(batch: _Batch) -> FloatArray:
+    """Return a length, m, of paths that most readings of each pose need, (n,): by the surface straight ahead."""
+    count = batch.headings.shape[1]
+    starts = np.repeat(batch.positions, count, axis=0)
+    ahead = distances_ahead(starts, batch.headings.ravel(), batch.room.surfaces).reshape(-1, count)
+    return np.asarray(2 * _BEYOND * np.median(ahead, axis=1)) if count else np.zeros(len(ahead))
+
+
+def _read_up_to(length: float, batch: _Batch, rows: NDArray[np.intp]) -> None:
+    """Fill in the readings of these poses that are certain from paths up to a length, m."""
+    try:
+        paths, begins = _paths_up_to(length, batch, rows)
+    except InputError:
+        if len(rows) == 1:
+            raise
+        # too many paths at once
+        for half in np.array_split(rows, 2):
+            _read_up_to(length, batch, half)
+        return
+    row, column = np.nonzero(batch.open[rows])
+    headings, of_heading = batch.headings[rows[row], column], np.column_stack((begins[row], begins[row + 1]))
+    read = _by_board if batch.receiver is Receiver.BOARD else _by_first_echo
+    distances, known = read(length, batch, paths, begins, headings, of_heading)
+    if length >= 2 * batch.board.max_range:
+        known[:] = True
+    row, column = rows[row[known]], column[known]
+    batch.distances[row, column], batch.open[row, column] = distances[known], False
+
+
+def _paths_up_to(length: float, batch: _Batch, rows: NDArray[np.intp]) -> tuple[Paths, NDArray[np.intp]]:
+    """Return the paths up to a length from these poses, and where those of each begin, (n + 1,)."""
+    room, board, options = batch.room, batch.board, batch.options
+    search = replace(search_for(room, board, options), max_length=length, step=_STEPS[batch.receiver])
+    if batch.receiver is Receiver.FIRST_ECHO:
+        # as near to each other at the end of a short search as at that of a long one
+        rays = math.ceil(options.rays * length / (2 * board.max_range))
+        search = replace(search, rays=max(min(_LEAST_RAYS, options.rays), rays))
+    search = replace(search, leaving=_leaving(search, batch.headings[rows], batch.open[rows]))
+    paths, begins = find_paths_of_places(room, batch.positions[rows], search)
+    kept = loud_enough(room, board, paths, KEPT_BELOW_THRESHOLD[batch.receiver])
+    return paths.select(kept), np.searchsorted(kept, begins)
+
+
+def _leaving(search: PathSearch, headings: FloatArray, open_: BoolArray) -> FloatArray:
+    """Return the most amplitude of each ray of the search at departure, at headings (n, m) that are open, (n, d)."""
+    assert search.ka is not None
+    leaving = np.zeros((len(headings), search.rays))
+    _fill_leaving(search.directions, headings, open_, loudest_aside(search.ka), leaving)
+    return leaving
+
+
+@compiled
+def _fill_leaving(
+    directions: FloatArray, headings: FloatArray, open_: BoolArray, table: FloatArray, leaving: FloatArray
+) -> None:
+    """Fill in the result of `_leaving`; `table` is the most amplitude by the angle from the axis, from 0 to π."""
+    for place in range(headings.shape[0]):
+        count = 0
+        for k in range(headings.shape[1]):
+            count += open_[place, k]
+        if count >= _MOST_OPEN * headings.shape[1]:
+            leaving[place] = 1.0
+            continue
+        for k in range(headings.shape[1]):
+            if not open_[place, k]:
+                continue
+            heading = headings[place, k] % math.tau
+            for ray in range(directions.shape[0]):
+                aside = abs(directions[ray] - heading)
+                aside = abs(min(aside, math.tau - aside))
+                amplitude = table[int(aside / math.pi * (table.shape[0] - 1))]
+                leaving[place, ray] = max(leaving[place, ray], amplitude)
+
+
+def _by_first_echo(
+    length: float,
+    batch: _Batch,
+    paths: Paths,
+    begins: NDArray[np.intp],
+    headings: FloatArray,
+    of_heading: NDArray[np.intp],
+) -> tuple[FloatArray, BoolArray]:
+    """Return the distance at each heading (h,) by the paper's receiver, m, and whether no longer path changes it."""
+    room, board = batch.room, batch.board
+    in_time = np.flatnonzero(~is_blanked(paths.lengths, board, room) & (paths.lengths <= 2 * board.max_range + SLACK))
+    paths, wavelength = paths.select(in_time), board.wavelength(room.air)
+    begins, of_heading = np.searchsorted(in_time, begins), np.searchsorted(in_time, of_heading)
+    apart = np.repeat(_APART * np.arange(len(begins) - 1), np.diff(begins))
+    sets = together(paths.lengths, paths.phases, wavelength, board, apart)
+    ka = board.wavenumber(room.air) * board.aperture_radius
+    weighed = PathsAndBeam(
+        paths.leaving,
+        paths.arriving,
+        strengths(room, board, paths),
+        sets,
+        np.empty((0, 0), np.bool_),
+        10 ** (board.threshold_db / 20),
+        ka,
+        beam_table(ka),
+    )
+    all_, none = np.ones(len(paths), np.bool_), np.zeros(len(headings))
+    sought = Sought(True, none, np.inf, paths.lengths, paths.lengths / 2, all_, -1.0)
+    winners = detected(headings, of_heading, weighed, sought)
+    # row -1, "no echo", selects the appended value
+    found = np.append(paths.lengths, np.nan)[winners]
+    later = wavelength if board.sum_arrivals else 0.0
+    return found / 2, np.asarray(found + later <= length)
+
+
+def _by_board(
+    length: float,
+    batch: _Batch,
+    paths: Paths,
+    _begins: NDArray[np.intp],
+    headings: FloatArray,
+    of_heading: NDArray[np.intp],
+) -> tuple[FloatArray, BoolArray]:
+    """Return what `_by_first_echo` returns, by the board's own receiver."""
+    speed = batch.room.air.speed_of_sound
+    amplitudes = strengths(batch.room, batch.board, paths) * np.exp(1j * paths.phases)
+    sound = Sound(paths.lengths / speed, amplitudes, paths.leaving, paths.arriving, np.empty((0, 0), np.bool_))
+    times, _ = first_echoes(headings, sound, batch.board, speed, of_heading)
+    # pulses begin before their path ends, and the sample after a detection decides on its time
+    certain = length / speed - (pulse_table(batch.board, speed).lead + 2) / RATE
+    return times * speed / 2, np.asarray(times <= certain)
