@@ -362,13 +362,14 @@ def locate_scan(
     scores, reversed_scores = (
         scores_with_prior(one, expected, spread, redundancy) for one in (scores, reversed_scores)
     )
-    if not np.isfinite(scores.scores).any():
+    possible = np.isfinite(scores.scores).any()
+    starts = _starts(scores, room, board) if possible else []
+    tops = _tops(problem, starts, redundancy, lambda share: tick(0.5 + 0.4 * share)) if starts else []
+    if not tops:
         raise InputError(
             f"room {room.name!r}, board {board.name!r}: from no position in this room can this board have an echo as "
             "near as those of the scan; check the room, the board and its blanking"
         )
-    starts = _starts(scores, room, board)
-    tops = _tops(problem, starts, redundancy, lambda share: tick(0.5 + 0.4 * share))
     chosen = _clear(_different(tops), room, board)
     poses = _weighed(chosen, redundancy)
     explained = _explained(readings, room, board, poses[0], scan.place, options)

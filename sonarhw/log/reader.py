@@ -867,7 +867,8 @@ class _Head:
 
     def take(self, record: mcap_records.Record) -> None:
         """Process a record. Raises the errors in UNREADABLE."""
-        self._profile = mcap_records.profile_of(record) or self._profile
+        profile = mcap_records.profile_of(record)
+        self._profile = self._profile if profile is None else profile  # that of other programs may be empty
         name, fields = mcap_records.metadata_of(record) or ("", None)
         if name == METADATA_NAME:
             self._fields = fields
@@ -883,7 +884,10 @@ class _Head:
             return _UNKNOWN, []
         if torn and self._profile is None:
             raise NotALog(f"{self._path}: cannot be read: its header is damaged: {torn}")
-        raise NotALog(f"{self._path}: is an MCAP file, but not a log of sonarhw: it has no {METADATA_NAME} metadata")
+        raise NotALog(
+            f"{self._path}: is an MCAP file, but not a log of sonarhw: it has no {METADATA_NAME} metadata; "
+            "`sonarhw import` converts one with ranges to a log"
+        )
 
 
 def _stored_index(file: mcap_records.OpenFile, head: _Head, attachments: dict[str, int]) -> LogIndex | None:

@@ -252,8 +252,11 @@ class CheckedPlugin:
     @property
     def notes(self) -> tuple[str, ...]:
         """What was assumed about the measurements."""
-        with self._guarded():
-            return tuple(map(str, self._plugin.notes))
+        try:
+            with self._guarded():
+                return tuple(map(str, self._plugin.notes))
+        except SonarError as error:  # the readings are whole without these notes
+            return (f"unknown notes ({error})",)
 
     @property
     def diagnosis(self) -> str:

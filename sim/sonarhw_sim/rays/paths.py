@@ -235,8 +235,9 @@ def _paths_between(
         by_posts = chains_of(posts, back_ways, between), edge_ways
         to_edges = np.where(diffracting, _longest_partial(room, sources, search), -math.inf)[:, edges]
         back = _partial_paths_from(search.reversed, posts, ends, sources, edges, to_edges, 0.0, by_posts)
-    straight = out.select(np.flatnonzero(out.edges < 0))
     diffracted = diffracted_paths(room, out, back, search.edge_diffraction, longest, bounces)
+    straight = out.select(np.flatnonzero(out.edges < 0)) if len(edges) else out
+    del out, back  # a small room with posts has a million points
     if passing is not None:
         columns = diffracted.points, diffracted.surfaces, diffracted.bends, diffracted.lengths
         diffracted = diffracted.select(np.flatnonzero(at_heights(*columns, passing.to_receiver)))
@@ -249,7 +250,11 @@ def _paths_between(
         reflected = with_shadows(room, reflected, sources, ends, longest, bounces, limits)
     # rays leave gaps, which are seldom the same for a path and its reverse
     reverses = missing_reverses(reflected) if both_ways else PartialPaths.none()
-    paths = shortest_first(PartialPaths.join([reflected, reverses, diffracted]))
+    parts = [reflected, reverses, diffracted]
+    del straight, touching, reflected, reverses, diffracted
+    paths = PartialPaths.join(parts)
+    parts.clear()
+    paths = shortest_first(paths)
     return past_thin_posts(room, paths, search.wavelength, search.faintest_diffraction) if shadows else paths
 
 

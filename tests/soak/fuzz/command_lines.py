@@ -91,7 +91,7 @@ class Case:
     @property
     def slow(self) -> bool:
         """Whether the usual work of the command takes long."""
-        return self.arguments[0] in SLOW or "--find-missing" in self.arguments
+        return self.arguments[0] in SLOW or not {"--find-missing", "--fit"}.isdisjoint(self.arguments)
 
     @property
     def endless(self) -> bool:
