@@ -1,7 +1,8 @@
 """The quantities that a fit can determine, each defined once: name, unit, bounds, texts, effect on the model.
 
-To add one, add its definition here and list it in `QUANTITIES`; command line, window, result files and likelihood use
-that list. This module loads quickly and without NumPy, because the help of the command line lists the quantities.
+To add one, add its definition here and list it in `QUANTITIES`; command line, window and result files use that list.
+`objective.py` says what a quantity of the board, of a place, or of a part changes in the likelihood. This module loads
+quickly and without NumPy, because the help of the command line lists the quantities.
 """
 
 import math
