@@ -1,12 +1,21 @@
 """Files and Python names that the documents mention exist."""
 
 import importlib.util
+import io
+import json
 import re
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
+from sonarhw_compare.fit import quantities
+from sonarhw_sim.air import Air
 
+from sonarhw import export
 from tests.checkout import CHECKOUT
+from tests.fixtures.contributing import worked_example
+from tests.fixtures.example_logs import example_reading
 
 PAGES = sorted([*CHECKOUT.glob("*.md"), CHECKOUT / "firmware" / "PORTING.md", *(CHECKOUT / "docs").rglob("*.md")])
 FILE = re.compile(r"`([\w./-]+/[\w.-]+\.(?:py|c|h|toml|md|sh))`")
@@ -64,3 +73,24 @@ def test_an_unquoted_url_is_found() -> None:
     assert UNQUOTED.search("$ sonarhw info fake:simple?place=figure9")
     assert UNQUOTED.search('help="socket://HOST:PORT or fake:ROOM?place=NAME."')
     assert not UNQUOTED.search("$ sonarhw info 'fake:simple?place=figure9'")
+
+
+# the worked examples of CONTRIBUTING
+
+
+def test_the_export_format_of_the_example_writes_a_line_for_each_reading() -> None:
+    names = worked_example("def write_json_lines", vars(export) | {"json": json})
+    readings = [example_reading(0), replace(example_reading(1), echo_times=())]
+    entry = export.ExportFormat(".jsonl", "Readings as JSON lines", names["write_json_lines"])
+    file = io.BytesIO()
+    entry.write(SimpleNamespace(scans=[SimpleNamespace(readings=readings)]), file, {})  # type: ignore[arg-type]
+    first, second = map(json.loads, file.getvalue().splitlines())
+    assert first["range_m"] == readings[0].range
+    assert second["range_m"] is None
+
+
+def test_the_fit_parameter_of_the_example_is_a_quantity() -> None:
+    names = worked_example("HUMIDITY = AirQuantity", vars(quantities))
+    humidity, air = names["HUMIDITY"], Air(relative_humidity=0.4)
+    assert humidity.value(humidity.put(air, 0.7)) == 0.7
+    assert getattr(air, humidity.key) == humidity.value(air) == 0.4

@@ -42,6 +42,7 @@ from sonarhw_sim.predict.room_echoes import RoomEchoes
 from sonarhw.errors import text_cell
 from sonarhw.log import read_log
 from sonarhw.readings import Ping, Reading
+from tests.fixtures.contributing import worked_example
 from tests.system.gui.conftest import ORDER, OpenFake, OpenWith
 from tests.system.gui.dense_scan import SHORT, dense_log
 from tests.system.gui.driving import (
@@ -511,6 +512,16 @@ def click_header(table: TableView, column: Column) -> None:
 
 def clipboard_rows() -> list[dict[str, str]]:
     return list(csv.DictReader(io.StringIO(QGuiApplication.clipboard().text())))
+
+
+def test_the_view_of_the_worked_example_counts_the_residuals(qtbot: QtBot, four: Shown) -> None:
+    view = worked_example("class HistogramView", {"__name__": "histogram"})["HistogramView"]()
+    assert isinstance(view, View)
+    view.show_state(four)
+    alone(qtbot, view, 400, 300)
+    residuals = [row.residual for row in four.compared.stretches[0].comparison.rows if row.residual is not None]
+    assert residuals
+    assert view._steps.getData()[1].sum() == sum(abs(residual) < 0.255 for residual in residuals)
 
 
 def test_the_table_is_sorted_and_filtered_by_numbers_words_and_classes(table: TableView, shown: Shown) -> None:
