@@ -31,6 +31,9 @@ from sonarhw_compare.scans import GivenScan, echoes_of
 _NOISE = ReadingNoise(range=0.02, level=2.0, missed=0.1, lost=0.05, stray=0.05)
 _CELL = 0.1  # m, side of the cells that share a search of paths
 _MOST_CELLS = 4000  # whose paths are kept, some 50 kB each
+_AT_ONCE = 512  # cells
+_FAR = 7.0  # standard deviations of a range
+_LONGER = 1.3  # ratio of two lengths up to which paths are searched
 _RAYS = RAYS // 4  # of a search: a particle filter needs no faint paths through narrow gaps
 _ROOM = arguments.instance((Room, Path, str), "a room, its name or its file; `room_from_arrays` makes one of arrays")
 _BOARD = arguments.instance((Board, Path, str), "a board, its name or its file")
@@ -97,7 +100,7 @@ class PoseLikelihood:
             range=max(_NOISE.range, board.range_sd, board.rounding / math.sqrt(12)),
             level=max(_NOISE.level, board.threshold_sd_db),
         )
-        self._kept: OrderedDict[tuple[int, int], Objective] = OrderedDict()
+        self._kept: OrderedDict[tuple[float, float], tuple[float, Objective]] = OrderedDict()
 
     def __call__(self, poses: FloatArray, angles: FloatArray, ranges: FloatArray) -> FloatArray:
         """Return the log-likelihood of readings at turntable angles (m,) rad with ranges (m,) m at poses (k, 3)."""
@@ -105,10 +108,12 @@ class PoseLikelihood:
         noise = np.log(np.array(self._noise))
         values = np.column_stack((poses, np.tile(noise, (len(poses), 1))))
         totals = np.empty(len(poses))
-        for middle, rows in self._cells(poses):
-            objective = self._near(middle)
-            objective = replace(objective, problem=replace(objective.problem, scans=(scan,)))
-            totals[rows] = objective.without_prior(values[rows])
+        cells, longest = self._cells(poses), self._longest(ranges)
+        for begin in range(0, len(cells), _AT_ONCE):
+            some = cells[begin : begin + _AT_ONCE]
+            for objective, (_, rows) in zip(self._near([middle for middle, _ in some], longest), some, strict=True):
+                here = replace(objective, problem=replace(objective.problem, scans=(scan,)))
+                totals[rows] = here.without_prior(values[rows])
         return totals
 
     def _cells(self, poses: FloatArray) -> list[tuple[tuple[float, float], NDArray[np.intp]]]:
@@ -121,21 +126,34 @@ class PoseLikelihood:
         middles = (numbers + 0.5) * self._cell
         return [((x, y), part) for (x, y), part in zip(middles.tolist(), rows, strict=True)]
 
-    def _near(self, position: tuple[float, float]) -> Objective:
-        """Return the objective with the paths from a position, m."""
-        key = round(position[0] / max(self._cell, 1e-9)), round(position[1] / max(self._cell, 1e-9))
-        if key in self._kept:
-            self._kept.move_to_end(key)
-            return self._kept[key]
-        none = _scan_arrays(np.zeros(1), np.full(1, np.nan))
-        place, board = Place("", position), self._board
-        problem = Problem((none,), self.room, (place,), board, self._free, self._options, None, board.rounding)
-        objective = problem.near(problem.start())
+    def _longest(self, ranges: FloatArray) -> float:
+        """Return the length, m, of the longest paths on which these ranges depend; silence depends on all."""
+        board, most = self._board, 2 * self._board.max_range
+        if not np.isfinite(ranges).all() or not len(ranges):
+            return most
+        beside = math.hypot(board.mount.ahead, board.mount.aside) + board.mount.separation + 2 * self._cell
+        farthest = float(board.true_ranges(ranges).max()) + _FAR * self._noise.range + beside
+        # one of a few lengths, so that the paths of a cell serve many readings
+        steps = math.floor(math.log(most / (2 * farthest + board.wavelength(self.room.air)), _LONGER))
+        return most * _LONGER ** -max(steps, 0)
+
+    def _near(self, positions: list[tuple[float, float]], longest: float) -> list[Objective]:
+        """Return the objective with the paths from each position, m, up to a length, m; those of a cell are kept."""
+        kept = [self._kept.get(position, (0.0, None)) for position in positions]
+        known = [objective if length >= longest else None for length, objective in kept]
+        missing = [position for position, objective in zip(positions, known, strict=True) if objective is None]
+        places = [Place("", position) for position in missing]
+        none, board = _scan_arrays(np.zeros(1), np.full(1, np.nan)), self._board
+        problem = Problem((none,), self.room, (), board, self._free, self._options, None, board.rounding)
+        found = dict(zip(missing, problem.near_each(places, longest), strict=True))
+        objectives = [objective or found[position] for position, objective in zip(positions, known, strict=True)]
         if self._cell:
-            self._kept[key] = objective
-            if len(self._kept) > _MOST_CELLS:
+            self._kept |= {position: (longest, objective) for position, objective in found.items()}
+            for position in positions:
+                self._kept.move_to_end(position)
+            while len(self._kept) > _MOST_CELLS:
                 self._kept.popitem(last=False)
-        return objective
+        return objectives
 
 
 def _scan_arrays(angles: FloatArray, ranges: FloatArray) -> ScanArrays:

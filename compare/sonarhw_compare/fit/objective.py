@@ -17,8 +17,9 @@ from sonarhw_sim.board.beam import beam_table
 from sonarhw_sim.board.profile import Board, axis_beside, uncompensated_db, without_own_body
 from sonarhw_sim.predict.predicted_scan import loud_enough
 from sonarhw_sim.predict.prediction import PredictionOptions, search_for
+from sonarhw_sim.rays.paths import Paths
 from sonarhw_sim.room.room import Place, Room
-from sonarhw_sim.space.sections import paths_from
+from sonarhw_sim.space.sections import paths_from_each
 
 from sonarhw.readings import BoolArray, FloatArray, Reading
 from sonarhw_compare.fit import likelihood, quantities
@@ -239,6 +240,18 @@ class Problem:
         paths = self.memory.paths(self.room, key, lambda: self._searched(room, board, places, prediction))
         return Objective(self, values.copy(), room, places, paths)
 
+    def near_each(self, places: Sequence[Place], longest: float = math.inf) -> list["Objective"]:
+        """Return the objective near each of these places of one scan, of a problem whose parameters are those of it.
+
+        Paths longer than `longest` m are left out.
+        """
+        problems = [replace(self, places=(place,)) for place in places]
+        searched = self._searched(self.room, self.board, places, self.prediction, longest)
+        return [
+            Objective(problem, problem.start(), self.room, problem.places, (paths,))
+            for problem, paths in zip(problems, searched, strict=True)
+        ]
+
     @cached_property
     def _together(self) -> float:
         """The largest difference in length, m, of paths that the receiver adds as one arrival."""
@@ -247,26 +260,32 @@ class Problem:
         return self.board.wavelength(self.room.air)
 
     def _searched(
-        self, room: Room, board: Board, places: Sequence[Place], prediction: PredictionOptions
+        self,
+        room: Room,
+        board: Board,
+        places: Sequence[Place],
+        prediction: PredictionOptions,
+        longest: float = math.inf,
     ) -> tuple[likelihood.EchoPaths, ...]:
         """Return the paths from each place in a room, as a board needs them."""
         # faint paths change the level of a louder one little, so the search is that of paths that are detected alone
         # but for those that become audible while the values change, from the threshold of `board` on
         fainter = replace(self.board, sum_arrivals=False, threshold_db=board.threshold_db - _DIFFRACTED_FURTHER)
         search = search_for(room, fainter, prediction)
+        search = replace(search, max_length=min(search.max_length, longest))
         materials, walls = (
             [self.parameters[row].of for row in self.rows_of(quantity)]
             for quantity in (quantities.REFLECTANCE, quantities.WALL)
         )
 
-        def of_place(place: Place) -> likelihood.EchoPaths:
-            placed_paths = paths_from(room, board.at_axis(board.faced(place)), search, None, board.aperture_radius)
-            paths = likelihood.with_reverses(likelihood.with_summed_patches(placed_paths, room, board), board)
+        def echoes_of(paths: Paths) -> likelihood.EchoPaths:
+            paths = likelihood.with_reverses(likelihood.with_summed_patches(paths, room, board), board)
             paths = paths.select(loud_enough(room, board, paths, _KEPT_BELOW_THRESHOLD))
             kept = likelihood.echo_paths(paths, room, materials, walls, self._together)
             return kept._replace(powers=kept.powers + likelihood.edge_powers(paths, room, materials, search))
 
-        return tuple(map(of_place, places))
+        axes = [board.at_axis(board.faced(place)) for place in places]
+        return tuple(map(echoes_of, paths_from_each(room, axes, search, board.aperture_radius)))
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from sonarhw_sim.compiled import compiled
 from sonarhw_sim.predict.predicted_scan import is_blanked, strengths
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_with, search_for
 from sonarhw_sim.room.room import Place, Room
-from sonarhw_sim.space.sections import paths_from
+from sonarhw_sim.space.sections import paths_from_each
 
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray, Reading, angle_difference
@@ -99,9 +99,9 @@ def score_positions(
         for sign in (1.0, -1.0)
     )
     width = max(0.7 * spacing, 0.03)
-    for row, (x, y) in enumerate(positions.tolist()):
+    places = [Place("", (x, y), height=height) for x, y in positions.tolist()]
+    for row, paths in enumerate(paths_from_each(room, places, search, board.aperture_radius)):
         tick()
-        paths = paths_from(room, Place("", (x, y), height=height), search, None, board.aperture_radius)
         paths = with_reverses(with_summed_patches(paths, room, board), board)
         paths = paths.select(np.flatnonzero(~is_blanked(paths.lengths, board, room)))
         if len(paths):

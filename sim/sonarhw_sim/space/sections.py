@@ -6,14 +6,16 @@ upper and lower ends of walls bend (`vertical.rims`). All are merged here.
 """
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
-from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths, scattered_paths
+from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths, find_paths_of_places, scattered_paths
 from sonarhw_sim.room.edges import find_edges
 from sonarhw_sim.room.room import Place, Room
 from sonarhw_sim.space.folding import edge_numbers, plan_of, raised_paths, straight_paths
@@ -29,6 +31,8 @@ SIDE_BY_SIDE = 0.1
 # Paths bent by an edge and by levels, in a room that sound can pass at several heights, are many and faint: they are
 # listed 20 dB less far down than the others.
 _LOUDER = 10.0
+_FIRST, _FEWEST, _MOST = 8, 2, 128  # places of one search
+_CACHED = 4000  # paths that fit into the cache of a processor with those that lead to them
 _MOST_SURFACES = 46_000  # with more, the number of an edge in sections exceeds 32 bits
 
 
@@ -47,6 +51,46 @@ def paths_from(
         raise InputError(
             f"room {room.name!r}: too many paths for the free memory; choose a shorter range or fewer reflections"
         ) from error
+    return _at_frequency(room, paths, search)
+
+
+def paths_from_each(
+    room: Room, places: Sequence[Place], search: PathSearch, face: float = 0.0, sections: int = 1
+) -> Iterator[Paths]:
+    """Yield the paths of `paths_from` of each place. In the plan, those of many places are searched together."""
+    planar = all(place.height is None for place in places) and not room.scattered[: room.levels.start].any()
+    if not planar:
+        yield from (paths_from(room, place, search, None, face, sections) for place in places)
+        return
+    begin, count = 0, _FIRST
+    while begin < len(places):
+        total = 0
+        for paths in _from_many(room, places[begin : begin + count], search):
+            total += len(paths)
+            yield paths
+        begin, count = begin + count, min(max(_CACHED * count // max(total, 1), _FEWEST), _MOST)
+
+
+def _from_many(room: Room, places: Sequence[Place], search: PathSearch) -> Iterator[Paths]:
+    """Yield the paths from each place in the plan."""
+    if len(places) == 1:
+        yield paths_from(room, places[0], search)
+        return
+    try:
+        paths, begins = find_paths_of_places(room, np.array([place.position for place in places]), search)
+    except (InputError, MemoryError):
+        # too many paths at once
+        half = len(places) // 2
+        yield from _from_many(room, places[:half], search)
+        yield from _from_many(room, places[half:], search)
+        return
+    paths = _at_frequency(room, paths, search)
+    for begin, end in pairwise(begins.tolist()):
+        yield paths.select(np.arange(begin, end))
+
+
+def _at_frequency(room: Room, paths: Paths, search: PathSearch) -> Paths:
+    """Return the paths with the reflectances that tables of materials have at the frequency of the search."""
     if not room.tables:
         return paths
     frequency = np.array([room.air.speed_of_sound / search.wavelength])

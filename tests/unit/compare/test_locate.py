@@ -144,6 +144,13 @@ def test_the_likelihood_is_highest_at_the_pose_of_the_readings() -> None:
     assert likelihood(POSE, np.where(np.isnan(ranges), np.inf, ranges))[0] == pytest.approx(exact[len(poses) // 2])
 
 
+def test_poses_are_as_likely_together_as_alone() -> None:
+    poses, ranges = POSE + np.random.default_rng(2).normal(size=(12, 3)) * (0.2, 0.2, 0.1), measured(POSE[None])[0]
+    for cell, readings in ((0.1, ranges), (0.0, ranges), (0.0, np.where(ranges > 1.0, np.nan, ranges))):
+        alone = [likelihood(pose[None], readings, cell=cell)[0] for pose in poses]
+        assert np.allclose(likelihood(poses, readings, cell=cell), alone)
+
+
 def test_the_nearest_wall_along_the_axis_is_the_mean_of_the_baseline() -> None:
     near = NearestLikelihood(sonarhw.room_from_arrays([[0, 0], [4, 0], [4, 3], [0, 3]]), QUICK, Model.NEAREST)
     poses = np.array([[x, 1.5, 0.0] for x in np.linspace(0.5, 3.5, 301)])
