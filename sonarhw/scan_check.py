@@ -254,6 +254,7 @@ ENOUGH_MOTION = 24  # readings that show how a device turns
 _REVERSALS = 0.4  # of the steps; of random angles two thirds
 _LARGE_STEP = math.radians(5)
 _ROUNDED = 0.015  # of a turn, from the span of a sweep in rounded radians
+_TURN, _TURN_IN_GRADIANS = 361.0, 401.0
 _AGREES = 0.05  # m
 _OPPOSED, _MORE = 0.6, 0.3  # of the echoes of a sweep
 
@@ -315,11 +316,20 @@ def jumps(angles: FloatArray) -> bool:
 
 
 def _degrees_or_radians(angles: FloatArray) -> Doubt | None:
-    """Return a doubt if a scan of half a turn or a turn was read with degrees for radians, or the reverse."""
+    """Return a doubt if a scan of half a turn or a turn was read with degrees for radians, or the reverse.
+
+    A turn in gradians that was read as degrees is more than a turn.
+    """
     if are_degrees(angles):
         problem = f"the angles reach {np.abs(angles).max():g} radians"
         return Doubt("angles", problem, "if they are degrees: degrees=True in Python, angle=deg in a `lines:` URL")
     numbers = np.degrees(np.unique(np.round(angles, 9)))  # as they were before they became radians
+    if len(numbers) >= ENOUGH_MOTION and _TURN < np.ptp(numbers) <= _TURN_IN_GRADIANS:
+        correction = (
+            "if they are gradians: angle=gon in a `lines:` URL; "
+            "`sonarhw import LOG --angle gon --out NEW.mcap` corrects a log"
+        )
+        return Doubt("angles", f"the angles span {np.ptp(numbers):.3f}°, more than a turn", correction)
     if len(numbers) < ENOUGH_MOTION / 2 or np.allclose(10 * numbers, np.round(10 * numbers)):
         return None
     span, step = float(np.ptp(numbers)), float(np.median(np.diff(numbers)))

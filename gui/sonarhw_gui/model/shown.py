@@ -3,6 +3,7 @@
 A view compares the parts with those that it drew last. It redraws a part only if it is a different object.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -116,6 +117,18 @@ def proposal_of(room: Room, changed: Room, readings: tuple[int, ...], surface: s
         walls = [room.walls[number]] if number < len(room.walls) else []
         posts = [] if walls or number in room.levels else [room.posts[number - len(room.walls)]]
     return Proposal(readings, np.array(walls).reshape(-1, 4), np.array(posts).reshape(-1, 3))
+
+
+_SENSOR_SHARE = 0.03  # of the diagonal of the room
+
+
+def proposed_pose(room: Room, proposed: Scene) -> Proposal:
+    """Return the sensor of a proposed scene, a circle with a line ahead, and its surfaces that `room` has not."""
+    changes = proposal_of(room, proposed.room or room, (), None)
+    radius = _SENSOR_SHARE * math.hypot(*np.ptp(room.walls.reshape(-1, 2), axis=0))
+    (x, y), heading = proposed.pose.position, proposed.pose.heading
+    ahead = x, y, x + 4 * radius * math.cos(heading), y + 4 * radius * math.sin(heading)
+    return replace(changes, walls=np.vstack((changes.walls, ahead)), posts=np.vstack((changes.posts, (x, y, radius))))
 
 
 _SAME_PLACE = 1e-6  # m

@@ -30,7 +30,17 @@ from sonarhw_gui.model.edits import Edit, with_room
 from sonarhw_gui.model.look import OVERLAYS, LengthUnit
 from sonarhw_gui.model.rows import ReadingRows
 from sonarhw_gui.model.scene import first_place
-from sonarhw_gui.model.shown import NO_POINTS, SHOWN, FoundDrawing, OverlaidScan, ScanPair, Shown, proposal_of
+from sonarhw_gui.model.shown import (
+    NO_POINTS,
+    SHOWN,
+    FoundDrawing,
+    OverlaidScan,
+    Proposal,
+    ScanPair,
+    Shown,
+    proposal_of,
+    proposed_pose,
+)
 from sonarhw_gui.session.session import WindowSession
 from sonarhw_gui.widgets import PlainLabel, button, ignore_wheel_without_focus, plain_tip, short_list, stacked
 
@@ -179,6 +189,8 @@ class FitPanel(SearchPanel):
             self.solutions.setCurrentIndex(min(chosen, count - 1))
             self.solutions.setVisible(count > 1)
             self._draw_solution()
+        else:
+            self._session.showing.propose(None)
 
     @Slot()
     def _draw_solution(self) -> None:
@@ -191,6 +203,17 @@ class FitPanel(SearchPanel):
         warned = [f"⚠ {warning}" for warning in searches.warnings(fit)]
         count = f"{fit.readings} readings; ± is one standard deviation"
         self.notes.setText("\n\n".join((searches.share_line(fit, solution), count, *warned)))
+        self._session.showing.propose(self._proposal(fit, solution))
+
+    def _proposal(self, fit: searches.FitFound, solution: int) -> Proposal | None:
+        """Return the pose and the walls of a solution, to be drawn before they are accepted."""
+        scene = self._shown.scene
+        if scene.room is None:
+            return None
+        try:
+            return proposed_pose(scene.room, searches.fitted(scene, fit.solutions[solution], fit.scene.board)[0])
+        except (InputError, ValueError):
+            return None
 
     @Slot()
     def _accept(self) -> None:

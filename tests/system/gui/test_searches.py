@@ -87,9 +87,14 @@ def test_a_pose_is_found_cancelled_discarded_and_accepted_from_all_solutions(
     place = fitted(beside, found.solutions[0], beside.board)[0].place
     assert place.position == pytest.approx(scene.pose.position, abs=0.005)
     assert abs(math.remainder(place.heading - scene.pose.heading, math.tau)) < math.radians(1)
+    drawn = session.shown.proposal  # the pose, before it is accepted
+    assert drawn.posts[0, :2] == pytest.approx(place.position, abs=1e-9)
+    along = drawn.walls[0, 2:] - drawn.walls[0, :2]
+    assert math.atan2(*along[::-1]) == pytest.approx(math.remainder(place.heading, math.tau), abs=1e-9)
+    keep_pictures(window, "found_pose")
     push(panel.discard)
     assert not panel.accept.isVisible()
-    assert session.shown.scene is beside
+    assert (session.shown.scene, session.shown.proposal) == (beside, None)
 
     key(panel.where, "Down")  # the whole room, which is symmetric
     push(panel.begin)
@@ -108,7 +113,7 @@ def test_a_pose_is_found_cancelled_discarded_and_accepted_from_all_solutions(
     assert place.position == pytest.approx(at, abs=0.01)
     assert abs(math.remainder(place.heading - heading, math.tau)) < math.radians(2)
     assert not panel.accept.isVisible()
-    assert window.commands.undo.text() == "Undo finding the pose"
+    assert (window.commands.undo.text(), session.shown.proposal) == ("Undo finding the pose", None)
     key(window, "Ctrl+Z")
     assert session.shown.scene is beside
 

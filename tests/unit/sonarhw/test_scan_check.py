@@ -59,6 +59,7 @@ BACK = scan(SIDE, box(SIDE)) + scan(SIDE, box(SIDE)[::-1], sweep=1)
         (scan(HEADINGS, np.where(THIRD, 0.0, ROOM)), ["largest range"]),
         (scan(np.round(np.radians(HEADINGS), 4), ROOM), ["angles"]),
         (scan(np.degrees(HEADINGS), ROOM), ["angles"]),
+        (scan(HEADINGS / 0.9, ROOM), ["angles"]),
         (scan(np.full(60, 90.0), 1 + 0.01 * RANDOM.random(60)), []),  # pings without a turntable
         (scan(RANDOM.permutation(HEADINGS), ROOM), ["jumping"]),
         (BACK, ["sweeps"]),
