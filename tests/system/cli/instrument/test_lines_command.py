@@ -153,12 +153,13 @@ def test_a_match_that_takes_too_long_skips_its_line_and_the_third_one_ends_the_s
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     url, log = f"?pattern={quote(SLOW)}", tmp_path / "scan.mcap"
-    pieces = [*RADAR_LINES[:5], b"1" * 40 + b"\n", *RADAR_LINES[5:]] * 4
+    slow = [b"1" * 40 + b"\n"]  # in the sweep down and in the sweep up: either may be the first whole one
+    pieces = [*RADAR_LINES[:5], *slow, *RADAR_LINES[5:15], *slow, *RADAR_LINES[15:]] * 4
     with PrintingDevice(pieces) as device:
         assert run(["scan", f"lines:{device.port}{url}", "--out", str(log)]) == 0
     assert "lines that take more than 1 s to match (" in capsys.readouterr().err
     assert len(read_log(log).readings) == 10
-    with PrintingDevice(chain(RADAR_LINES * 2, repeat(b"1" * 40 + b"\n"))) as device:
+    with PrintingDevice(chain(RADAR_LINES * 2, repeat(*slow))) as device:
         assert run(["scan", f"lines:{device.port}{url}", "--out", str(tmp_path / "2.mcap"), "--sweeps", "9"]) == 2
     assert "write it without a repetition within a repetition" in capsys.readouterr().err
 
