@@ -30,6 +30,8 @@ _MOST_SITES = 16  # posts beside one straight part of a path; of more, the least
 _TURN = 0.14  # rad: sound that turns less at a post belongs to the path past it
 _LEAST_TURNS = 3.0  # times the angle at which sound beside the post touches it
 _LARGEST_TURN = 0.5  # rad: sound that turns by twice as much never belongs to the path past the post
+_LEAST_TERM = 1e-4  # of a series for sound past a post: under 0.001 dB of the smallest sums, which are about 1
+_EQUAL = 1e-7  # m, between the points and lengths of a path and those of its reverse
 
 
 @lru_cache(maxsize=4096)
@@ -182,15 +184,18 @@ def past_thin_posts(room: Room, paths: PartialPaths, wavelength: float, faintest
     wavenumber = math.tau / wavelength
     reflectances = room.reflectances[len(room.walls) + thin]
     series = _table_of_series(wavenumber * room.posts[thin, 2], reflectances)
+    needed = np.flatnonzero((np.abs(series) >= _LEAST_TERM).any(axis=0))[-1] + 1
+    series = np.ascontiguousarray(series[:, :needed])
     factors = np.ones(len(paths), np.complex128)
     loud = paths.gains >= _LOUDER * faintest
-    columns = paths.points, paths.surfaces, paths.edges, paths.bends
+    columns = paths.lengths, paths.points, paths.surfaces, paths.edges, paths.bends
     _fill_passed(*columns, loud, len(room.walls), thin, room.posts[thin], series, wavenumber, factors)
     return replace(paths, gains=paths.gains * np.abs(factors), phases=paths.phases + np.angle(factors))
 
 
 @compiled
 def _fill_passed(
+    lengths: FloatArray,
     points: FloatArray,
     surfaces: IntArray,
     edges: IntArray,
@@ -203,7 +208,10 @@ def _fill_passed(
     wavenumber: float,
     factors: ComplexArray,
 ) -> None:
-    """Fill in the factor (n,) by which thin `posts` (t, 3), rows `thin` of those of the room, change each loud path."""
+    """Fill in the factor (n,) by which thin `posts` (t, 3), rows `thin` of those of the room, change each loud path.
+
+    The paths are in order of length. The reverse of a path has the same factor.
+    """
     sites, ways = np.empty((_MOST_SITES, 3)), np.empty((_MOST_SITES + 1, _MOST_SITES), np.complex128)
     for row in range(points.shape[0]):
         if not loud[row]:
@@ -211,6 +219,14 @@ def _fill_passed(
         last = 0
         while last + 1 < points.shape[1] and not math.isnan(points[row, last + 1, 0]):
             last += 1
+        reverse = row - 1
+        while reverse >= 0 and lengths[row] - lengths[reverse] < _EQUAL:
+            if loud[reverse] and _is_reverse(points[row], points[reverse], last):
+                break
+            reverse -= 1
+        if reverse >= 0 and lengths[row] - lengths[reverse] < _EQUAL:
+            factors[row] = factors[reverse]
+            continue
         begin, from_post = 0, -1
         for point in range(1, last + 1):
             touched = _touched_at(point, last, surfaces[row], edges[row], bends[row])
@@ -223,6 +239,18 @@ def _fill_passed(
                 _sort_sites(count, sites)
                 factors[row] *= _past(count, sites, length, posts, series, wavenumber, ways)
             begin, from_post = point, to_post
+
+
+@compiled_part
+def _is_reverse(points: FloatArray, others: FloatArray, last: int) -> bool:
+    """Return whether the points (m, 2) of two paths, up to `last`, are the same ones in reverse order."""
+    if last + 1 < others.shape[0] and not math.isnan(others[last + 1, 0]):
+        return False
+    for k in range(last + 1):
+        x, y = points[k, 0] - others[last - k, 0], points[k, 1] - others[last - k, 1]
+        if not (abs(x) < _EQUAL and abs(y) < _EQUAL):
+            return False
+    return True
 
 
 @inlined
