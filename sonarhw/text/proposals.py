@@ -105,6 +105,8 @@ def propose(data: bytes, begins_whole: bool = False, known: Layout | None = None
             return proposal
         if proposal.questions and not best.questions:
             best = proposal
+        elif not ends and proposal.example:  # a row says more than the line above it
+            best = replace(best, example=proposal.example)
     return best
 
 
