@@ -15,20 +15,29 @@ from sonarhw import arguments
 from sonarhw.errors import InputError
 from sonarhw.readings import BoolArray, FloatArray
 from sonarhw_sim.air import DEFAULT_BOARD, Receiver, Unit
-from sonarhw_sim.board.beam import PathsAndBeam, Sought, beam_table, detected, together
-from sonarhw_sim.board.profile import Board, load_board
+from sonarhw_sim.board.beam import PathsAndBeam, Sought, amplitudes_at, beam_table, detected, together
+from sonarhw_sim.board.profile import Board, largest_gain, load_board, with_body
 from sonarhw_sim.board.receiver import Sound, first_echoes
 from sonarhw_sim.board.signal import RATE, pulse_table
 from sonarhw_sim.compiled import compiled, rows_in_parts
-from sonarhw_sim.predict.predicted_scan import KEPT_BELOW_THRESHOLD, is_blanked, loud_enough, strengths
+from sonarhw_sim.predict.predicted_scan import (
+    KEPT_BELOW_THRESHOLD,
+    faintest_kept,
+    is_blanked,
+    loud_enough,
+    pairs_heard,
+    strengths,
+    turned,
+)
 from sonarhw_sim.predict.prediction import (
+    DIFFRACTED_ALONE,
     STEP,
     PredictionOptions,
     paths_serve_all_headings,
     predict_scan,
     search_for,
 )
-from sonarhw_sim.rays.fan import distances_ahead, loudest_aside
+from sonarhw_sim.rays.fan import TransducerAxes, distances_ahead, loudest_aside
 from sonarhw_sim.rays.paths import RAYS, SLACK, Paths, PathSearch, find_paths_of_places
 from sonarhw_sim.room.room import Place, Room, load_room, warn_of_poses
 from sonarhw_sim.room.room_file import MAX_COORDINATE
@@ -90,7 +99,9 @@ def predict_ranges(
         room.check_height(height)
     angles = _angles_of(headings, profile, degrees)
     if not levels and height is None and _is_planar(room, profile, options or PredictionOptions()):
-        return _in_plan(room, np.column_stack((rows[:, :2], turns)), angles, profile, options)
+        sensors = _sensors(room, profile, angles)
+        if sensors is not None:
+            return _in_plan(room, np.column_stack((rows[:, :2], turns)), sensors, profile, options)
     places = [Place("", (x, y), turn, height) for x, y, turn in np.column_stack((rows[:, :2], turns)).tolist()]
     options = options or PredictionOptions(rays=RAYS if profile.receiver is Receiver.BOARD else _RAYS_ALONE)
     ranges, over = _one_by_one(room, places, angles, profile, options, levels)
@@ -125,10 +136,9 @@ def _one_by_one(
 
 
 def _is_planar(room: Room, board: Board, options: PredictionOptions) -> bool:
-    """Return whether a pose has one search for all headings, in the plan, of sound without noise and scattering."""
+    """Return whether sound travels in the plan, without noise, scattering, and faces in its way."""
     return (
-        paths_serve_all_headings(board, options.unit)
-        and options.unit is Unit.PASS
+        options.unit is Unit.PASS
         and not (options.noise or options.single or (options.own_body and board.own_body))
         and not room.tables
         and not room.scattered[: room.levels.start].any()
@@ -136,14 +146,60 @@ def _is_planar(room: Room, board: Board, options: PredictionOptions) -> bool:
 
 
 @dataclass(frozen=True)
+class _Sensors:
+    """Where transducers are, for a robot at the origin that faces along x; k places with h headings each."""
+
+    senders: FloatArray  # (k, 2), m
+    receivers: FloatArray | None  # (k, 2), m; None: as the senders
+    headings: FloatArray  # (k, h), rad
+    turns: bool  # whether the paths from a place serve all headings
+
+    def at(self, poses: FloatArray) -> tuple[FloatArray, FloatArray | None, FloatArray]:
+        """Return senders and receivers (n * k, 2) m, and headings (n * k, h) rad in the room, for poses (n, 3)."""
+        receivers = None if self.receivers is None else _moved(self.receivers, poses)
+        headings = poses[:, 2, None, None] + self.headings
+        return _moved(self.senders, poses), receivers, headings.reshape(-1, self.headings.shape[1])
+
+
+def _moved(points: FloatArray, poses: FloatArray) -> FloatArray:
+    """Return points (k, 2) of a robot at the origin for each of its poses (n, 3), (n * k, 2)."""
+    (x, y), cosine, sine = points.T, np.cos(poses[:, 2:]), np.sin(poses[:, 2:])
+    turned = np.stack((x * cosine - y * sine, x * sine + y * cosine), axis=-1)
+    return np.asarray((poses[:, None, :2] + turned).reshape(-1, 2))
+
+
+def _sensors(room: Room, board: Board, angles: FloatArray) -> _Sensors | None:
+    """Return the transducers at turntable angles (m,) rad; None if one may hear the pings of others.
+
+    Raises InputError if the board is a ring and has no sensor at one of the angles.
+    """
+    axis = _axis(board, np.zeros(3))
+    headings = axis.heading + board.turned(angles)
+    if paths_serve_all_headings(board, Unit.PASS):
+        return _Sensors(np.array([axis.position]), None, headings[None], True)
+    senders, receivers = [], []
+    for heading in headings.tolist():
+        listener, others = board.mounting.pose(axis, heading), board.mounting.senders(axis, heading)
+        pairs = [*pairs_heard(listener, others, 2 * board.max_range, room.air.speed_of_sound)]
+        if len(pairs) != 1 or pairs[0].lateness:
+            return None
+        senders.append(pairs[0].sender.sender)
+        receivers.append(listener.receiver)
+    apart = None if senders == receivers else np.array(receivers).reshape(-1, 2)
+    return _Sensors(np.array(senders).reshape(-1, 2), apart, headings[:, None], False)
+
+
+@dataclass(frozen=True)
 class _Batch:
-    """Poses of a board in a room, and what is known of their readings."""
+    """Places of transducers of a board in a room, and what is known of their readings."""
 
     room: Room
     board: Board
     options: PredictionOptions
-    positions: FloatArray  # (n, 2), m, of the turning axis
+    positions: FloatArray  # (n, 2), m
+    receivers: FloatArray | None  # (n, 2), m; None: as the positions
     headings: FloatArray  # (n, m), rad in the room
+    turns: bool  # whether the paths from a place serve all headings; else it has one
     distances: FloatArray  # (n, m), m, at detection; NaN: no echo. To be filled in
     open: BoolArray  # (n, m): whether a reading is not known yet. To be filled in
 
@@ -154,21 +210,35 @@ class _Batch:
 
 
 def _in_plan(
-    room: Room, poses: FloatArray, angles: FloatArray, board: Board, options: PredictionOptions | None
+    room: Room, poses: FloatArray, sensors: _Sensors, board: Board, options: PredictionOptions | None
 ) -> FloatArray:
-    """Return the ranges of `predict_ranges` at poses (n, 3) and turntable angles (m,), (n, m), of sound in the plan."""
+    """Return the ranges of `predict_ranges` of sensors at poses (n, 3), (n, m), of sound in the plan."""
     options = options or PredictionOptions(rays=_RAYS[board.receiver])
 
     def predicted(begin: int, end: int) -> tuple[FloatArray]:
-        ranges = np.empty((end - begin, len(angles)))
-        for k in range(0, end - begin, _AT_ONCE):
-            batch = _batch(room, poses[begin + k : min(begin + k + _AT_ONCE, end)], angles, board, options)
+        ranges = np.empty((end - begin, sensors.headings.size))
+        # a body is another post of the room at each pose
+        body, at_once = board.mounting.body_radius, 1 if board.mounting.body_radius else _AT_ONCE
+        for k in range(0, end - begin, at_once):
+            here = poses[begin + k : min(begin + k + at_once, end)]
+            around = with_body(room, _axis(board, here[0]), body) if body else room
+            placed = sensors.at(here)
+            shape = placed[2].shape
+            batch = _Batch(
+                around, board, options, *placed, sensors.turns, np.full(shape, np.nan), np.ones(shape, np.bool_)
+            )
             _read(batch)
-            ranges[k : k + _AT_ONCE] = board.reported(batch.distances)
+            ranges[k : k + at_once] = board.reported(batch.distances).reshape(-1, ranges.shape[1])
         return (ranges,)
 
     (ranges,) = rows_in_parts(predicted, len(poses), _LEAST_POSES)
     return ranges
+
+
+def _axis(board: Board, pose: FloatArray) -> Place:
+    """Return the turning axis of a board at a pose (3,)."""
+    x, y, turn = pose.tolist()
+    return board.at_axis(board.faced(Place("", (x, y), turn)))
 
 
 def _read(batch: _Batch) -> None:
@@ -179,17 +249,6 @@ def _read(batch: _Batch) -> None:
         rows = np.flatnonzero((first <= stage) & batch.open.any(axis=1))
         for k in range(0, len(rows), _TOGETHER):
             _read_up_to(length, batch, rows[k : k + _TOGETHER])
-
-
-def _batch(room: Room, poses: FloatArray, angles: FloatArray, board: Board, options: PredictionOptions) -> _Batch:
-    turn = poses[:, 2] + math.radians(board.home_angle_deg)
-    cosine, sine = np.cos(turn), np.sin(turn)
-    aside = board.axis_x * np.column_stack((cosine, sine)) + board.axis_y * np.column_stack((-sine, cosine))
-    headings = turn[:, None] + board.turned(angles)
-    shape = headings.shape
-    return _Batch(
-        room, board, options, poses[:, :2] + aside, headings, np.full(shape, np.nan), np.ones(shape, np.bool_)
-    )
 
 
 def _reach_ahead(batch: _Batch) -> FloatArray:
@@ -224,15 +283,42 @@ def _read_up_to(length: float, batch: _Batch, rows: NDArray[np.intp]) -> None:
 def _paths_up_to(length: float, batch: _Batch, rows: NDArray[np.intp]) -> tuple[Paths, NDArray[np.intp]]:
     """Return the paths up to a length from these poses, and where those of each begin, (n + 1,)."""
     room, board, options = batch.room, batch.board, batch.options
-    search = replace(search_for(room, board, options), max_length=length, step=_STEPS[batch.receiver])
+    # a body widens the gaps between rays that it reflects
+    step = 1 if board.mounting.body_radius else _STEPS[batch.receiver]
+    search = replace(search_for(room, board, options), max_length=length, step=step)
     if batch.receiver is Receiver.FIRST_ECHO:
         # as near to each other at the end of a short search as at that of a long one
         rays = math.ceil(options.rays * length / (2 * board.max_range))
         search = replace(search, rays=max(min(_LEAST_RAYS, options.rays), rays))
-    search = replace(search, leaving=_leaving(search, batch.headings[rows], batch.open[rows]))
-    paths, begins = find_paths_of_places(room, batch.positions[rows], search)
-    kept = loud_enough(room, board, paths, KEPT_BELOW_THRESHOLD[batch.receiver])
+    headings, receivers = batch.headings[rows], None if batch.receivers is None else batch.receivers[rows]
+    if batch.turns:
+        search = replace(search, leaving=_leaving(search, headings, batch.open[rows]))
+    else:
+        search = replace(search, axes=_axes(batch, headings[:, 0]))
+    paths, begins = find_paths_of_places(room, batch.positions[rows], search, receivers)
+    kept = _loud_enough(batch, paths, None if batch.turns else np.repeat(headings[:, 0], np.diff(begins)))
     return paths.select(kept), np.searchsorted(kept, begins)
+
+
+def _loud_enough(batch: _Batch, paths: Paths, headings: FloatArray | None) -> NDArray[np.intp]:
+    """Return the rows of paths that may matter at any heading, or at the heading (p,) rad of each."""
+    room, board, below = batch.room, batch.board, KEPT_BELOW_THRESHOLD[batch.receiver]
+    if headings is None:
+        return loud_enough(room, board, paths, below)
+    ka = board.wavenumber(room.air) * board.aperture_radius
+    ahead = turned(paths.leaving, -headings), turned(paths.arriving, -headings)
+    amplitudes = amplitudes_at(0.0, *ahead, strengths(room, board, paths), ka, beam_table(ka))
+    return np.flatnonzero(np.abs(amplitudes) >= faintest_kept(board, below))
+
+
+def _axes(batch: _Batch, headings: FloatArray) -> TransducerAxes:
+    """Return the axes of transducers that send and receive along headings (n,) rad."""
+    room, board = batch.room, batch.board
+    below = KEPT_BELOW_THRESHOLD[batch.receiver]
+    if batch.receiver is Receiver.FIRST_ECHO and not board.sum_arrivals:
+        below = DIFFRACTED_ALONE
+    faintest = faintest_kept(board, below) / largest_gain(board, room.air, 2 * board.max_range)
+    return TransducerAxes(headings, headings, board.wavenumber(room.air) * board.aperture_radius, faintest)
 
 
 def _leaving(search: PathSearch, headings: FloatArray, open_: BoolArray) -> FloatArray:

@@ -279,7 +279,7 @@ def find_by_heading(
         if face_reflectance is not None:
             room_with_faces = with_faces(room, senders, board.aperture_radius, face_reflectance, axis.height)
         shown = shown if k else room_with_faces
-        pairs = _pairs(listener, senders, 2 * board.max_range, speed)
+        pairs = pairs_heard(listener, senders, 2 * board.max_range, speed)
         parts += [(_without_own_face(find(room_with_faces, pair), room_with_faces), k, pair) for pair in pairs]
     counts = [len(paths) for paths, _, _ in parts]
     paths = Paths.join([paths for paths, _, _ in parts])
@@ -314,9 +314,10 @@ def arm(board: Board) -> tuple[float, float]:
     return mount.ahead, mount.aside - mount.separation / 2
 
 
-def _pairs(
+def pairs_heard(
     listener: TransducerPose, senders: tuple[TransducerPose, ...], max_length: float, speed: float
 ) -> Iterator[SensorPair]:
+    """Yield the listener with each sender whose sound it may receive within range."""
     for sender in senders:
         lateness = (sender.ping_time - listener.ping_time) * speed
         longest = min(max_length, max_length - lateness)

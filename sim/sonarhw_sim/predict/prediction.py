@@ -41,7 +41,7 @@ from sonarhw_sim.space.sections import cut, paths_from, spanning_at
 
 # dB. The number of diffracted paths is infinite. A board that detects each path alone needs those down to so far below
 # its threshold; one that adds arrivals needs all that are kept.
-_DIFFRACTED_ALONE = 3.0
+DIFFRACTED_ALONE = 3.0
 
 
 _OPTIONS: dict[str, arguments.Check] = {
@@ -162,7 +162,7 @@ def search_for(room: Room, board: Board, options: PredictionOptions) -> PathSear
     max_length = 2 * board.max_range
     # other air hardly changes the level at an edge; a fixed gain changes it much
     gained = largest_gain(board, room.air, max_length) if board.fixed_gain else 1.0
-    below = _kept_below(board, options) if board.sum_arrivals else _DIFFRACTED_ALONE
+    below = _kept_below(board, options) if board.sum_arrivals else DIFFRACTED_ALONE
     return PathSearch(
         max_length,
         board.wavelength(room.air),

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sonarhw_sim import Ring
+from sonarhw_sim import Mount, Ring
 from sonarhw_sim.air import Air, Model, Receiver, Unit, absorption
 from sonarhw_sim.board.beam import beam, beam_gain, beam_table, sums_of_arrivals, together
 from sonarhw_sim.board.profile import Board, load_board
@@ -263,13 +263,27 @@ def test_paths_that_need_too_much_memory_at_once_are_searched_in_parts(monkeypat
         sonarhw.predict_ranges(room, poses, TWELVE, "hc-sr04")
 
 
+@pytest.mark.parametrize(
+    "board",
+    [
+        replace(load_board("hc-sr04"), mount=Mount(ahead=0.05, separation=0.026), home_angle_deg=4.0, axis_x=0.03),
+        replace(load_board("hc-sr04"), ring=Ring(sensors=6, radius=0.1, interval=0.05)),
+        replace(load_board("polaroid-6500"), ring=Ring(sensors=3, radius=0.05, interval=0.08), max_range=3.0),
+        replace(load_board("hc-sr04"), ring=Ring(sensors=3, radius=0.1, interval=0.004)),  # hears its neighbours
+    ],
+)
+def test_sensors_beside_the_axis_read_what_each_reads_alone(board: Board) -> None:
+    room, headings = load_room("arena"), None if board.ring else TWELVE[:4]
+    poses = poses_in(room, 2, seed=5)
+    for pose, ranges in zip(poses.tolist(), sonarhw.predict_ranges(room, poses, headings, board), strict=True):
+        place = board.faced(sonarhw.Place("", tuple(pose[:2]), pose[2]))
+        there = board.ring.headings(place) if board.ring else place.heading + board.turned(TWELVE[:4])
+        assert np.allclose(sonarhw.predict(room, place, board, there).ranges, ranges, atol=0.001, equal_nan=True)
+
+
 def test_a_ring_has_its_own_headings_and_levels_are_over_the_threshold() -> None:
     room, board = sonarhw.load_room("arena"), sonarhw.load_board("hc-sr04")
     ring = replace(board, ring=Ring(sensors=6, radius=0.1, interval=0.05))
-    poses = poses_in(room, 2, seed=5)
-    ranges, levels = sonarhw.predict_ranges(room, poses, board=ring, levels=True)
+    ranges, levels = sonarhw.predict_ranges(room, poses_in(room, 2, seed=5), board=ring, levels=True)
     assert ranges.shape == levels.shape == (2, 6)
-    x, y, heading = poses[0].tolist()
-    single = sonarhw.predict(room, (x, y, heading), ring)
-    assert np.allclose(ranges[0], single.ranges, equal_nan=True, atol=0.001)
     assert ((levels >= 0) == np.isfinite(ranges)).mean() > 0.98
