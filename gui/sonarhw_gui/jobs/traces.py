@@ -5,7 +5,7 @@ The rows of a B-scan are computed in slices of time, so that newer jobs do not w
 
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import lru_cache
@@ -204,7 +204,8 @@ class BScanRows:
     def images(self) -> tuple[pictures.BScan, pictures.BScan]:
         """Return the measured and the predicted B-scan."""
         measured = pictures.bscan_of({key: levels for key, (_, levels) in self.measured.items()}, self.cells)
-        spacing = None if self.outline is None else pictures.row_width(self.outline.headings)
+        # until all rows are there, those of a coarse picture are as wide as the gaps between them
+        spacing = None if self.outline is None or self.done < 1.0 else pictures.row_width(self.outline.headings)
         return measured, pictures.bscan_of(self.predicted, self.cells, spacing)
 
 
@@ -263,7 +264,7 @@ def _measured_rows(rows: BScanRows, wanted: Mapping[int, Reading], until: float)
     before = ((key, rows.measured.get(key)) for key in wanted)
     computed = {key: row for key, row in before if row is not None and row[0] is wanted[key]}
     unreadable = rows.unreadable
-    for key in [key for key in wanted if key not in computed]:
+    for key in _coarse_first([key for key in wanted if key not in computed]):
         try:
             levels = _measured_row(wanted[key], rows)
         except SonarError as error:
@@ -287,16 +288,24 @@ def _measured_row(reading: Reading, rows: BScanRows) -> FloatArray:
 
 def _predicted_rows(rows: BScanRows, outline: PredictedScan, headings: Mapping[int, float], until: float) -> BScanRows:
     computed = {key: rows.predicted[key] for key in headings if key in rows.predicted}
-    for key in [key for key in headings if key not in computed]:
+    for key in _coarse_first([key for key in headings if key not in computed]):
         if time.monotonic() > until:
             break
         computed[key] = pictures.predicted_row(outline, headings[key], rows.cells)
     return replace(rows, predicted=computed)
 
 
+def _coarse_first(keys: Sequence[int]) -> list[int]:
+    """Return row keys (n,) in an order of which every beginning is spread evenly: halves, quarters, eighths …"""
+    digits = len(keys).bit_length()
+    order = sorted(range(len(keys)), key=lambda k: f"{k:0{digits}b}"[::-1])
+    in_order = sorted(keys)
+    return [in_order[k] for k in order]
+
+
 BScanPixels = NDArray[np.uint8]  # (height, width, 4), lowest row first; transparent where there is no value
 COLOURS = 256
-SLICE = 0.05  # s
+SLICE = 0.1  # s
 _SIDE = 1200  # pixels of a polar picture
 _TURN = round(math.tau / pictures.SAME_HEADING)  # columns of a rectangular picture
 _DIFFERENCE_DB = 30.0
