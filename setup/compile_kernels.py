@@ -11,6 +11,7 @@ import numpy as np
 from sonarhw_cli.outputs import CompilationProgress
 from sonarhw_compare import PlacedScan, locate_scan, map_scans
 from sonarhw_compare.fit.starting import fit_scan
+from sonarhw_compare.track import log_likelihood
 from sonarhw_sim import PredictionOptions, Receiver, RoomEchoes, Unit, load_board, load_room, predict_scan, predict_with
 from sonarhw_sim.air import DEFAULT_BOARD, Model
 from sonarhw_sim.board.signal import RATE
@@ -55,8 +56,10 @@ def compile_kernels() -> None:
     predict_scan(with_material(room, room.materials[0], 0.9, scatter=0.1), place, board, headings)
     with_heights = load_room("doorstep")
     predict_scan(with_heights, with_heights.place("robot"), board, headings)
+    poses = np.array([(2.0, 1.6, 0.0), (1.5, 1.5, 0.0)])
     for of_board in ("hc-sr04", DEFAULT_BOARD):
-        predict_ranges("laboratory", np.array([(2.0, 1.6, 0.0), (1.5, 1.5, 0.0)]), [0.0, 1.0], of_board)
+        predict_ranges("laboratory", poses, [0.0, 1.0], of_board)
+        log_likelihood("laboratory", poses, [0.0, 1.0], [0.5, np.nan], of_board)
     readings = readings_of(headings, scan.ranges, room.air.speed_of_sound)
     fit_scan(readings, room, place, board, frozenset({"heading", "offset"}))
     locate_scan(readings, room, board)

@@ -105,15 +105,12 @@ class PoseLikelihood:
     def __call__(self, poses: FloatArray, angles: FloatArray, ranges: FloatArray) -> FloatArray:
         """Return the log-likelihood of readings at turntable angles (m,) rad with ranges (m,) m at poses (k, 3)."""
         scan = _scan_arrays(angles, ranges)
-        noise = np.log(np.array(self._noise))
-        values = np.column_stack((poses, np.tile(noise, (len(poses), 1))))
         totals = np.empty(len(poses))
         cells, longest = self._cells(poses), self._longest(ranges)
         for begin in range(0, len(cells), _AT_ONCE):
             some = cells[begin : begin + _AT_ONCE]
             for objective, (_, rows) in zip(self._near([middle for middle, _ in some], longest), some, strict=True):
-                here = replace(objective, problem=replace(objective.problem, scans=(scan,)))
-                totals[rows] = here.without_prior(values[rows])
+                totals[rows] = objective.of_poses(scan, poses[rows], self._noise)
         return totals
 
     def _cells(self, poses: FloatArray) -> list[tuple[tuple[float, float], NDArray[np.intp]]]:

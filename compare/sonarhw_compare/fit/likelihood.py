@@ -409,6 +409,39 @@ def log_likelihoods(
     return likelihoods
 
 
+@compiled
+def sum_likelihoods(
+    scan: ScanArrays,
+    paths: PathArrays,
+    moves: FloatArray,
+    headings: FloatArray,
+    board: BoardValues,
+    noise: ReadingNoise,
+    table: FloatArray,
+    lateness: FloatArray,
+    totals: FloatArray,
+) -> None:
+    """Fill in the sums of `log_likelihoods` at places moved by `moves` (m, 2) m, with these headings (m,) rad, (m,)."""
+    for k in range(headings.shape[0]):
+        turned = BoardValues(
+            headings[k],
+            board.scale,
+            board.ka,
+            board.threshold_db,
+            board.opens,
+            board.closes,
+            board.dead,
+            board.stretch,
+            board.offset,
+            board.sender,
+            board.listener,
+        )
+        by = moves[k, 0], moves[k, 1]
+        totals[k] = 0.0
+        for of_reading in log_likelihoods(scan, paths, by, turned, noise, table, lateness):
+            totals[k] += of_reading
+
+
 @inlined
 def _cosine(directions: FloatArray, row: int, x: float, y: float) -> float:
     """Return the cosine of the angle between a row of directions (k, 2) and the direction x, y."""

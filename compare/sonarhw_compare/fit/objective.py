@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sonarhw_sim.air import Air, Receiver
 from sonarhw_sim.board.beam import beam_table
-from sonarhw_sim.board.profile import Board, axis_beside, uncompensated_db, without_own_body
+from sonarhw_sim.board.profile import Board, axis_beside, from_axis, uncompensated_db, without_own_body
 from sonarhw_sim.predict.predicted_scan import loud_enough
 from sonarhw_sim.predict.prediction import PredictionOptions, search_for
 from sonarhw_sim.rays.paths import Paths
@@ -324,9 +324,21 @@ class Objective:
         totals[inside] = self.many(smooth[inside])
         return totals
 
-    def without_prior(self, values: FloatArray) -> FloatArray:
-        """Return the log-likelihood of several vectors (m, size), (m,), also outside the bounds."""
-        return np.asarray(self._by_reading(values, 0).sum(axis=1))
+    def of_poses(
+        self, readings: likelihood.ScanArrays, poses: FloatArray, noise: likelihood.ReadingNoise
+    ) -> FloatArray:
+        """Return the log-likelihood of readings at poses (m, 3) near that of the only scan, without a prior, (m,)."""
+        board, vector, paths = self.problem.board, self.values, self.paths[0]
+        levels, present = self._levels(vector[None], 0)[0], self._present
+        (x, y), headings = poses[:, :2].T, poses[:, 2] + math.radians(board.home_angle_deg)
+        axes = from_axis(x, y, (np.cos(headings), np.sin(headings)), board.axis_x, board.axis_y)
+        searched = likelihood.PathArrays(paths.out, paths.back, paths.rise, paths.turn, paths.kind, paths.until, levels)
+        chosen = self._for_kernel(vector, present, 0.0, noise.stretch)
+        moves, totals = np.column_stack(axes) - self._axes[0], np.empty(len(poses))
+        likelihood.sum_likelihoods(
+            readings, searched, moves, headings, chosen, noise, self._table, self._lateness, totals
+        )
+        return totals
 
     def by_reading(self, values: FloatArray, scan: int) -> FloatArray:
         """Return the log-likelihood of each reading of a scan, (n,)."""

@@ -87,16 +87,16 @@ class Mount(TomlModel):
         (x, y), half, turned = place.position, self.separation / 2, (math.cos(heading), math.sin(heading))
         return TransducerPose(
             heading,
-            _from_axis(x, y, turned, self.ahead, self.aside + half),
-            _from_axis(x, y, turned, self.ahead, self.aside - half),
+            from_axis(x, y, turned, self.ahead, self.aside + half),
+            from_axis(x, y, turned, self.ahead, self.aside - half),
         )
 
     def positions(self, headings: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the positions of sender and receiver about the turning axis at `headings` (n,) rad, (n, 2) m each."""
         half, turned = self.separation / 2, (np.cos(headings), np.sin(headings))
         return (
-            np.column_stack(_from_axis(0.0, 0.0, turned, self.ahead, self.aside + half)),
-            np.column_stack(_from_axis(0.0, 0.0, turned, self.ahead, self.aside - half)),
+            np.column_stack(from_axis(0.0, 0.0, turned, self.ahead, self.aside + half)),
+            np.column_stack(from_axis(0.0, 0.0, turned, self.ahead, self.aside - half)),
         )
 
     def senders(self, place: Place, heading: float) -> tuple[TransducerPose, ...]:
@@ -107,7 +107,9 @@ class Mount(TomlModel):
 ON_AXIS = Mount()
 
 
-def _from_axis(x: float, y: float, turned: tuple[_Real, _Real], ahead: float, aside: float) -> tuple[_Real, _Real]:
+def from_axis(
+    x: _Real | float, y: _Real | float, turned: tuple[_Real, _Real], ahead: float, aside: float
+) -> tuple[_Real, _Real]:
     """Return the position ahead and aside of the turning axis; `turned`: cosine and sine of one heading or of many."""
     cosine, sine = turned
     return x + ahead * cosine - aside * sine, y + ahead * sine + aside * cosine
@@ -564,8 +566,7 @@ def axis_beside(mark: tuple[float, float], heading: float, ahead: float, left: f
 
     `ahead` (m) is along the zero, and `left` (m) to the left of it.
     """
-    cosine, sine = math.cos(heading), math.sin(heading)
-    return mark[0] + ahead * cosine - left * sine, mark[1] + ahead * sine + left * cosine
+    return from_axis(*mark, (math.cos(heading), math.sin(heading)), ahead, left)
 
 
 @arguments.checked(name=arguments.file_name)
