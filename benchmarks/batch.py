@@ -8,6 +8,7 @@ how many cores worked, by the clock. The last line is the memory that many poses
 
 import argparse
 import resource
+import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -80,6 +81,7 @@ def memory_of(count: int) -> str:
     random, space = np.random.default_rng(2), find_free_space(room)
     poses = np.array([(*space.draw(random, 0.1), random.uniform(0, 2 * np.pi)) for _ in range(100)])
     sonarhw.predict_ranges(room, poses, HEADINGS, board)
+    assert sys.platform != "win32"  # whose Python has no such figure
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     cost = cost_of(lambda: sonarhw.predict_ranges(room, np.resize(poses, (count, 3)), HEADINGS, board))
     more = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
