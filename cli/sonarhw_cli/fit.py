@@ -418,6 +418,7 @@ def map_logs(
     out: MapFiles = None,
     plan_next: PlanNext = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print walls, corners and edges as JSON.")] = False,
+    anyway: Annotated[bool, typer.Option("--anyway", help="Also write what is probably not a room.")] = False,
     force: options.Force = False,
 ) -> None:
     """Find the room from scans (known room: `locate`).
@@ -427,7 +428,8 @@ def map_logs(
     following sound in the room.
 
     With --out ROOM.toml or --out FILE.html, the room is found: walls and posts that explain all echoes and silences, by
-    the model of a fit, with their uncertainties. Sound is then followed in this room, and a picture shows it.
+    the model of a fit, with their uncertainties. Sound is then followed in this room, and a picture shows it. If this
+    is probably not a room, no file is written, and the exit status is 1; --anyway writes it.
     """
     files = _outputs(out or [], force, room_name, board, poses_file, *log_files)
     found_for = _option_that_finds(files, plan_next)
@@ -456,8 +458,14 @@ def map_logs(
     mapped = replace(mapped, doubts=tuple(map(options.with_options, mapped.doubts)))
     for doubt in mapped.doubts:
         options.warn(doubt)
-    _write(files, mapped, force)
+    is_refused = mapped.found is not None and not mapped.found.verdict.is_room and not anyway
+    if not is_refused:
+        _write(files, mapped, force)
     options.print_result(as_json, mapped.figures, mapped.lines)
+    if is_refused:
+        names = ", ".join(str(path) for path in files.values())
+        options.print_note(f"{f'not written: {names}; ' if names else ''}--anyway accepts what was found")
+        raise typer.Exit(1)
 
 
 def _outputs(out: Sequence[Path], force: bool, *inputs: str | Path | None) -> dict[str, Path]:

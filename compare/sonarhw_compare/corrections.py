@@ -37,17 +37,18 @@ def _range_correction(name: str, scale: float) -> Correction:
 
 
 MIRRORED = _angle_correction("with clockwise angles", "turn=cw", "`sonarhw import LOG --turn cw --out NEW.mcap`", -1.0)
-_AS_READ = Correction("", "")
+AS_READ = Correction("", "")
+OTHER_UNITS = tuple(
+    _range_correction(f"with {scale:g} times the ranges", scale)
+    for scale in (0.001, 0.01, 0.1, 0.3937, 0.5, 2.0, 2.54, 10.0, 100.0, 1000.0)
+)
 _CORRECTIONS = (
     MIRRORED,
     _angle_correction(
         "with angles in radians", "angle=rad", "`sonarhw import LOG --angle rad --out NEW.mcap`", math.degrees(1.0)
     ),
     _angle_correction("with angles in gradians", "angle=gon", "`sonarhw import LOG --angle gon --out NEW.mcap`", 0.9),
-    *(
-        _range_correction(f"with {scale:g} times the ranges", scale)
-        for scale in (0.001, 0.01, 0.1, 0.3937, 0.5, 2.0, 2.54, 10.0, 100.0, 1000.0)
-    ),
+    *OTHER_UNITS,
 )
 _GAIN = 0.2  # least rise of the share of the echoes
 _LEAST = 0.5  # least share after the correction
@@ -110,7 +111,7 @@ def _best(comparison: Comparison, share: float) -> tuple[Correction, float, floa
     if table is None:
         return None
     choices = []
-    for correction in (_AS_READ, *_CORRECTIONS):
+    for correction in (AS_READ, *_CORRECTIONS):
         turned = place.heading + board.turned(correction.turn * angles)
         shares = agreement_by_turn(table, turned, correction.scale * measured, TOLERANCE) / len(rows)
         best = int(shares.argmax())
@@ -129,7 +130,7 @@ def _best(comparison: Comparison, share: float) -> tuple[Correction, float, floa
     most = max(better for _, better, _ in choices)
     # as little as possible: a heading, or a unit or turn, or both
     alike = [choice for choice in choices if choice[1] >= most - _ALIKE]
-    return min(alike, key=lambda choice: ((choice[0] is not _AS_READ) + (choice[2] is not None), -choice[1]))
+    return min(alike, key=lambda choice: ((choice[0] is not AS_READ) + (choice[2] is not None), -choice[1]))
 
 
 def _table(comparison: Comparison) -> FloatArray | None:

@@ -2,30 +2,32 @@
 
 import csv
 import math
+import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.special import logsumexp, softmax
+from scipy.special import expit, logit, logsumexp
 from sonarhw_sim.board.profile import Board, without_own_body
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
 from sonarhw_sim.room.room import Place, Room, place_at
 
 from sonarhw.errors import InputError, counted, deviation_text, estimate_degrees, estimate_text, turned_near
 from sonarhw.readings import FloatArray, Reading, angle_difference
-from sonarhw_compare.corrections import MIRRORED
+from sonarhw_compare.corrections import AS_READ, MIRRORED, OTHER_UNITS, Correction
 from sonarhw_compare.fit.fitting import check_fit
 from sonarhw_compare.fit.objective import MODERATE, Problem, make_problem
 from sonarhw_compare.fit.parameters import Parameter, free_parameters
-from sonarhw_compare.fit.quantities import HEADING, Quantity, X, Y
+from sonarhw_compare.fit.quantities import HEADING, OFFSET, THRESHOLD, Quantity, X, Y
 from sonarhw_compare.fit.result import FitOptions, PlacedScan
 from sonarhw_compare.fit.search import Peak, covariance_of, highest, peak_at, refined
 from sonarhw_compare.fit.starting import HEADINGS, QUICK, Scores, at_marks, best_apart, local_maxima, score_positions
 from sonarhw_compare.foreign_rows import opened, short_lines
 from sonarhw_compare.free_space import distances_to, find_free_space
-from sonarhw_compare.match import TOLERANCE, drawn_blocks, explains_few, few_explained
+from sonarhw_compare.match import TOLERANCE, explains_few, few_explained
 from sonarhw_compare.regions import angles_and_ranges, mean_run
 
 # How well the pose of a scan is known before its readings are used, as a prior of its location.
@@ -82,28 +84,31 @@ def known_heading(heading: float | None, deviation: float) -> tuple[Place, PoseS
 
 
 def with_prior(
-    parameters: Sequence[Parameter], expected: Place, spread: PoseSpread, redundancy: float
+    parameters: Sequence[Parameter], board: Board, expected: Place, spread: PoseSpread, softening: float
 ) -> tuple[Parameter, ...]:
-    """Return the parameters of a scan with normal priors of position and heading, where these are known.
+    """Return the parameters of a scan with normal priors of position, heading and sensor, where these are known.
 
-    The log-likelihood will be divided by `redundancy`, and the prior with it, so its information is that many times as
-    much here.
+    Range offset and threshold have the spreads of the board, the threshold else the tolerance of a fit. The
+    log-likelihood will be divided by `softening`, and the prior with it, so its information is that many times as much
+    here.
     """
     wide, (x, y) = spread.with_width, expected.position
     priors: dict[Quantity, tuple[float, float]] = {
         X: (x, wide.xy),
         Y: (y, wide.xy),
         HEADING: (expected.heading, wide.heading),
+        OFFSET: (0.0, board.range_sd or math.inf),
+        THRESHOLD: (board.threshold_db, board.threshold_sd_db or _THRESHOLD_TOLERANCE),
     }
     changed = list(parameters)
     for row, parameter in enumerate(changed):
         middle, deviation = priors.get(parameter.quantity, (0.0, math.inf))
         if math.isfinite(deviation):
-            changed[row] = replace(parameter, expected=middle, deviation=deviation / math.sqrt(redundancy))
+            changed[row] = replace(parameter, expected=middle, deviation=deviation / math.sqrt(softening))
     return tuple(changed)
 
 
-def scores_with_prior(scores: Scores, expected: Place, spread: PoseSpread, redundancy: float) -> Scores:
+def scores_with_prior(scores: Scores, expected: Place, spread: PoseSpread, softening: float) -> Scores:
     """Return the scores of a lattice plus the logarithm of the prior, widened by a step of the lattice.
 
     If the heading is known, those of the lattice are within half a turn of it, as a normal prior needs them.
@@ -111,12 +116,12 @@ def scores_with_prior(scores: Scores, expected: Place, spread: PoseSpread, redun
     if math.isfinite(spread.heading):
         turns = angle_difference(scores.headings, expected.heading)
         by_heading = _log_normal(turns, math.hypot(spread.heading, math.tau / HEADINGS))
-        weighed = scores.scores + redundancy * by_heading
+        weighed = scores.scores + softening * by_heading
         scores = replace(scores, headings=expected.heading + turns, scores=weighed)
     if math.isfinite(spread.xy):
         away = np.hypot(*(scores.positions - expected.position).T)
         by_position = _log_normal(away, math.hypot(spread.xy, scores.spacing))
-        scores = replace(scores, scores=scores.scores + redundancy * by_position[:, None])
+        scores = replace(scores, scores=scores.scores + softening * by_position[:, None])
     return scores
 
 
@@ -136,9 +141,12 @@ def _log_normal(away: FloatArray, deviation: float) -> FloatArray:
 # headings. The likelihood assumes independent errors, so its logarithm is divided by the number of readings per
 # independent one.
 #
-# No model of a real room is exact, and then one scan prefers one of two similar poses too clearly: another scan from
-# the same place would prefer the other. The posterior is therefore averaged over bootstrap samples of the readings
-# (Huggins and Miller, Reproducible model selection using bagged posteriors, Bayesian Analysis 18, 2023).
+# No model of a real room is exact, and then one scan prefers one of two similar poses too clearly. The log-likelihood
+# is therefore divided by a temperature, too. It is learned on scans of real sensors, with which the stated
+# probabilities of poses are those of being right (`benchmarks.real.located_scans --learn`).
+#
+# Beside the poses of the scan, there are other explanations: its angles or the unit of its ranges were read wrongly, or
+# it is not from this room. All probabilities together are 1.
 
 
 _POSITIONS = 500  # of the lattice, about
@@ -154,8 +162,12 @@ FEWEST = 7  # independent readings of a scan whose probabilities mean something;
 NEAR = 0.1  # m, largest distance of a pose that counts as a place of the room
 _ANY_HEADING = math.radians(90)  # standard deviation above which the heading counts as unknown
 _CONTRADICTION = 4.0  # standard deviations between the known heading and the located one
-_MIRRORED_MAXIMA = 4  # of the lattice of a mirrored scan, that are refined
-_CLEARLY = 3.0  # log-likelihood of independent readings by which a mirrored scan must be better
+_OTHER_MAXIMA = 4  # of the lattice of a scan that is read in another way, that are refined
+_UNLIKELY_WAY = 8.0  # largest deficit of the tempered log-likelihood of such a lattice for a refinement
+_CLOCKWISE, _OTHER_UNIT = 0.05, 0.005  # prior probabilities of clockwise angles, and of each other unit
+_NEAREST = 0.05  # of the diagonal of the room, least median range in another unit
+_MENTIONED = 0.01  # least probability of another way to read the scan that is printed
+_THRESHOLD_TOLERANCE = 3.0  # dB, if the board states no spread
 _RIVAL = 0.25  # a second pose with more than this share of the first's probability makes the answer ambiguous
 
 
@@ -168,6 +180,8 @@ class Pose:
     offset: float  # m, added to every measured range
     probability: float
     deviations: tuple[float, float, float]  # standard deviations of x and y, m, and of the heading, rad
+    log_likelihood: float = 0.0  # of independent readings, with prior, at any temperature
+    log_volume: float = 0.0  # of the peak of the posterior
 
     @property
     def place(self) -> Place:
@@ -209,32 +223,64 @@ class Pose:
 
 
 @dataclass(frozen=True)
+class Learned:
+    """What is learned on scans of real sensors at known places: `learned.toml` beside this module."""
+
+    temperature: float  # of log-likelihoods of independent readings
+    usual_explained: float  # mean share of the echoes within 5 cm of the prediction at the right pose
+    usual_explained_sd: float  # its standard deviation between scans
+    missing: float  # probability that the right pose in the right room is not among the poses
+    wrong_room_at_usual: float  # probability of a wrong room, if the usual share is explained
+    wrong_room_by_share: float  # rise of its log-odds if 1 % less is explained
+
+    def chance_of_nothing(self, explained: float) -> float:
+        """Return the probability that no pose of a scan is right, from the share of the echoes that is explained."""
+        odds = logit(self.wrong_room_at_usual) + self.wrong_room_by_share * 100 * (self.usual_explained - explained)
+        return 1 - (1 - self.missing) * (1 - float(expit(odds)))
+
+
+@cache
+def learned() -> Learned:
+    """Return the content of `learned.toml`."""
+    return Learned(**tomllib.loads(Path(__file__).with_name("learned.toml").read_text(encoding="utf-8")))
+
+
+@dataclass(frozen=True)
+class OtherReading:
+    """The scan read in another way, with its most probable pose; the probability is that of all its poses."""
+
+    correction: Correction
+    pose: Pose
+    explained: float  # share of the echoes within 5 cm there
+
+
+@dataclass(frozen=True)
 class Located:
     """The possible poses of a scan."""
 
     room: Room
     board: Board
     readings: tuple[Reading, ...]
-    poses: tuple[Pose, ...]  # most probable first; the probabilities add up to almost 1
+    poses: tuple[Pose, ...]  # most probable first
     scores: Scores  # rough log-likelihoods of the lattice
     redundancy: float  # number of readings per independent reading
     explained: float  # share of the echoes within 5 cm of the prediction at the most probable pose
     scan: str = "the scan"  # its name in texts
     expected: Place = NOWHERE  # what was known before, within `spread`
     spread: PoseSpread = UNKNOWN
-    mirrored: Pose | None = None  # of the scan with its angles reversed, if this fits the room clearly better
-    mirrored_explained: float = 0.0  # share of the echoes within 5 cm there
+    others: tuple[OtherReading, ...] = ()  # of the scan with clockwise angles, or in another unit
+    nothing: float = 0.0  # probability that no pose is right: another room, another board, or a pose that is missing
 
     @property
     def doubts(self) -> tuple[str, ...]:
         """Why the poses or their probabilities may be wrong, a line each."""
         echoes = sum(reading.range is not None for reading in self.readings)
-        if self.mirrored is not None:
-            x, y = self.mirrored.position
+        if (other := self.better_read) is not None:
+            x, y = other.pose.position
             return (
-                f"{self.scan}: the angles are probably clockwise, so the poses are wrong: mirrored, "
-                f"{self.mirrored_explained:.0%} instead of {self.explained:.0%} of {echoes} echoes are explained, at "
-                f"{x:.2f}, {y:.2f} m; {MIRRORED.correction}",
+                f"{self.scan}: probably read wrongly ({other.pose.probability:.0%}), so the poses are wrong: "
+                f"{other.correction.name}, {other.explained:.0%} instead of {self.explained:.0%} of {echoes} echoes "
+                f"are explained, at {x:.2f}, {y:.2f} m; {other.correction.correction}",
             )
         few = few_explained(self.scan, self.explained, echoes, located=True)
         contradicted = (_heading_doubts(pose, self.expected, self.spread) for pose in self.poses[:1])
@@ -252,7 +298,12 @@ class Located:
         """Yield the result as lines of text: each pose, and whether the scan distinguishes them."""
         for pose in self.poses:
             yield pose.line(self._place_near(pose, near))
-        yield f"{self.explained:.0%} of the echoes are within 5 cm of an echo predicted for the first pose"
+        for other in self.others:
+            if other.pose.probability >= _MENTIONED:
+                x, y = other.pose.position
+                yield f"{other.pose.probability:6.1%}  {other.correction.name}, at {x:.2f}, {y:.2f} m"
+        yield f"{self.nothing:6.1%}  none of these"
+        yield f"{self.explained:.0%} of the echoes are within 5 cm of an echo predicted for the first pose{self._usual}"
         first, *others = (pose.probability for pose in self.poses)
         if others and others[0] > _RIVAL * first:
             yield "the scan cannot distinguish these poses: the room looks nearly the same from them"
@@ -271,13 +322,41 @@ class Located:
             "readings_alike": round(self.redundancy, 3),
             "explained": round(self.explained, 6),
             "fits_room": self.fits_room,
-            "mirrored": None if self.mirrored is None else self.mirrored.figures(self._place_near(self.mirrored, near)),
+            "usual_explained": learned().usual_explained,
+            "mirrored": None if (pose := self.mirrored) is None else pose.figures(self._place_near(pose, near)),
+            "other_readings": [
+                {"correction": other.correction.name, "explained": round(other.explained, 6)}
+                | other.pose.figures(self._place_near(other.pose, near))
+                for other in self.others
+            ],
+            "none": round(self.nothing, 6),
         }
 
     @property
     def fits_room(self) -> bool:
-        """Whether the first pose explains enough echoes, and no mirrored one clearly more."""
-        return not explains_few(self.explained) and self.mirrored is None
+        """Whether the first pose explains enough echoes, and the scan was probably read rightly."""
+        return not explains_few(self.explained) and self.better_read is None
+
+    @property
+    def better_read(self) -> OtherReading | None:
+        """The other way to read the scan, if it is more probable than all poses together."""
+        best = max(self.others, key=lambda other: other.pose.probability, default=None)
+        poses = sum(pose.probability for pose in self.poses)
+        return best if best is not None and best.pose.probability > poses else None
+
+    @property
+    def mirrored(self) -> Pose | None:
+        """The most probable pose of the scan with its angles reversed, if these are probably clockwise."""
+        other = self.better_read
+        return other.pose if other is not None and other.correction == MIRRORED else None
+
+    @property
+    def _usual(self) -> str:
+        """What other sensors explain, if it is more."""
+        usual = learned()
+        if self.explained >= usual.usual_explained - usual.usual_explained_sd:
+            return ""
+        return f"; scans of real sensors at the right pose have {usual.usual_explained:.0%} on average"
 
     def _place_near(self, pose: Pose, near: float) -> Place | None:
         return self.room.places.get(self.place_near(pose, near) or "")
@@ -338,92 +417,159 @@ def locate_scan(
     height: float | None = None,
     expected: Place = NOWHERE,
     spread: PoseSpread = UNKNOWN,
+    rightly: bool = False,
     tick: Callable[[float], None] = lambda _share: None,
 ) -> Located:
     """Return the possible poses of a scan in a room.
 
     `height` (m) of the transducer includes floor, ceiling and the heights of walls in the prediction. `expected` is the
-    place at which the pose is known within `spread`. `tick` receives the completed share, 0..1. Raises InputError if no
-    reading has an echo, the board is a ring of sensors, the height is not between floor and ceiling, or no position in
-    the room has a path to an echo.
+    place at which the pose is known within `spread`. `rightly`: the scan is of this room and was read rightly, so only
+    its poses are compared. `tick` receives the completed share, 0..1. Raises InputError if no reading has an echo, the
+    board is a ring of sensors, the height is not between floor and ceiling, or no position in the room has a path to an
+    echo.
     """
     if height is not None:
         room.check_height(height)
     options = FitOptions(prediction=prediction or PredictionOptions())
-    free = free_parameters(("position", "heading", "offset"), ("scan",), room, board)
+    free = free_parameters(("position", "heading", "offset", "threshold"), ("scan",), room, board)
     scan = PlacedScan(readings, Place("", (0.0, 0.0), height=height))
     check_fit([scan], board, free, options)
-    readings = without_own_body(board.own_body, readings)
-    redundancy = mean_run(*angles_and_ranges(readings))
-    free = with_prior(free, expected, spread, redundancy)
+    scan = replace(scan, readings=without_own_body(board.own_body, readings))
+    redundancy = mean_run(*angles_and_ranges(scan.readings))
+    softening = redundancy * learned().temperature  # by which the log-likelihood is divided, but not the prior
+    free = with_prior(free, board, expected, spread, softening)
     problem = make_problem([scan], room, board, free, options.prediction, all_echoes=options.all_echoes)
-    scores = _score_lattice(problem, lambda share: tick(0.5 * share))
-    reversed_scores = replace(scores, scores=scores.scores if scores.mirrored is None else scores.mirrored)
-    scores, reversed_scores = (
-        scores_with_prior(one, expected, spread, redundancy) for one in (scores, reversed_scores)
+    ways = (AS_READ, *(() if rightly else _other_ways(scan.readings, room, board)))
+    scores, *others = (
+        scores_with_prior(one, expected, spread, softening)
+        for one in _score_lattice(problem, ways[1:], lambda share: tick(0.5 * share))
     )
     possible = np.isfinite(scores.scores).any()
     starts = _starts(scores, room, board) if possible else []
-    tops = _tops(problem, starts, redundancy, lambda share: tick(0.5 + 0.4 * share)) if starts else []
+    tops = _tops(problem, starts, redundancy, lambda share: tick(0.5 + 0.3 * share)) if starts else []
     if not tops:
         raise InputError(
             f"room {room.name!r}, board {board.name!r}: from no position in this room can this board have an echo as "
             "near as those of the scan; check the room, the board and its blanking"
         )
-    chosen = _clear(_different(tops), room, board)
-    poses = _weighed(chosen, redundancy)
-    explained = _explained(readings, room, board, poses[0], scan.place, options)
-    located = Located(room, board, tuple(readings), poses, scores, redundancy, explained)
+    found = [_peaks_as_poses(tops, redundancy)]
+    for way, rough in zip(ways[1:], others, strict=True):
+        problem = make_problem(
+            [_read_as(scan, way)], room, board, free, options.prediction, all_echoes=options.all_echoes
+        )
+        found.append(_poses_read(way, problem, rough, float(scores.scores.max()), redundancy))
+    located = Located(room, board, tuple(scan.readings), (), scores, redundancy, 0.0)
     located = replace(located, expected=expected, spread=spread)
-    turned = [replace(reading, angle=-reading.angle) for reading in readings]
-    as_turned = make_problem(
-        [replace(scan, readings=turned)], room, board, free, options.prediction, all_echoes=options.all_echoes
-    )
-    top = _better_mirrored(as_turned, reversed_scores, max(chosen, key=lambda peak: peak.score).score, redundancy)
+    chosen = [(way, poses) for way, poses in zip(ways, found, strict=True) if poses]
+
+    def explained(way: Correction, pose: Pose) -> float:
+        return _explained(_read_as(scan, way), room, board, pose, options)
+
+    located = _with_probabilities(located, chosen, explained, rightly)
     tick(1.0)
-    if top is None:
-        return located
-    pose = _weighed([top], redundancy)[0]
-    share = _explained(turned, room, board, pose, scan.place, options)
-    return (
-        replace(located, mirrored=pose, mirrored_explained=share)
-        if share > explained and not explains_few(share)
-        else located
+    return located
+
+
+def _other_ways(readings: Sequence[Reading], room: Room, board: Board) -> tuple[Correction, ...]:
+    """Return the other ways to read a scan: clockwise, and in those units in which its ranges fit into the room."""
+    ranges = np.array([reading.range for reading in readings if reading.range is not None])
+    diagonal = float(np.hypot(*np.ptp(room.walls.reshape(-1, 2), axis=0)))
+    nearest, farthest = _NEAREST * diagonal, min(diagonal, board.max_range)
+    units = (one for one in OTHER_UNITS if ranges.max() * one.scale <= farthest)
+    return (MIRRORED, *(one for one in units if float(np.median(ranges)) * one.scale >= nearest))
+
+
+def _read_as(scan: PlacedScan, way: Correction) -> PlacedScan:
+    """Return a scan with its angles or ranges corrected."""
+    readings = [
+        replace(
+            reading,
+            angle=way.turn * reading.angle,
+            echo_times=tuple(way.scale * time for time in reading.echo_times),
+        )
+        for reading in scan.readings
+    ]
+    return scan if way == AS_READ else replace(scan, readings=readings)
+
+
+def _poses_read(way: Correction, problem: Problem, scores: Scores, best: float, redundancy: float) -> list[Pose]:
+    """Return the poses of a scan that is read in another way; none if its lattice is far below the `best` of the scan.
+
+    A density of ranges in another unit is one of the measured ranges times the factor between them.
+    """
+    gained = math.log(way.scale) * float((problem.scans[0].counts > 0).sum())
+    starts = _starts(scores, problem.room, problem.board)[:_OTHER_MAXIMA]
+    if not starts or (scores.scores.max() + gained - best) / redundancy < -_UNLIKELY_WAY:
+        return []
+    tops = _tops(problem, starts, redundancy, lambda _share: None)
+    poses = _peaks_as_poses(tops, redundancy) if tops else []
+    return [replace(pose, log_likelihood=pose.log_likelihood + gained / redundancy) for pose in poses]
+
+
+def _prior(way: Correction, ways: int) -> float:
+    """Return the prior probability of a way to read a scan, of several."""
+    if way == AS_READ:
+        return 1 - _CLOCKWISE - _OTHER_UNIT * (ways - 2) if ways > 1 else 1.0
+    return _CLOCKWISE if way == MIRRORED else _OTHER_UNIT
+
+
+def _with_probabilities(
+    located: Located,
+    found: Sequence[tuple[Correction, Sequence[Pose]]],
+    explained: Callable[[Correction, Pose], float],
+    rightly: bool,
+) -> Located:
+    """Return a scan with its poses, and those of the scan read in other ways, with their probabilities.
+
+    `found` begins with those of the scan as it is. `rightly`: one of the poses is right.
+    """
+    weights = [
+        np.array([pose.log_likelihood / learned().temperature + pose.log_volume for pose in poses])
+        + math.log(_prior(way, len(found)))
+        for way, poses in found
+    ]
+    whole = logsumexp(np.concatenate(weights))
+    shares = [np.exp(of_way - whole) for of_way in weights]
+    best = [poses[int(of_way.argmax())] for (_, poses), of_way in zip(found, shares, strict=True)]
+    fits = [explained(way, pose) for (way, _), pose in zip(found, best, strict=True)]
+    likely = fits[int(np.argmax([of_way.sum() for of_way in shares]))]
+    nothing = 0.0 if rightly else learned().chance_of_nothing(likely)
+    poses = [
+        replace(pose, probability=(1 - nothing) * share)
+        for pose, share in zip(found[0][1], shares[0].tolist(), strict=True)
+        if share >= _LEAST * shares[0].sum()
+    ]
+    others = [
+        OtherReading(way, replace(pose, probability=(1 - nothing) * float(of_way.sum())), fit)
+        for (way, _), pose, of_way, fit in list(zip(found, best, shares, fits, strict=True))[1:]
+    ]
+    return replace(
+        located,
+        poses=tuple(sorted(poses, key=lambda pose: -pose.probability)),
+        explained=fits[0],
+        others=tuple(sorted(others, key=lambda other: -other.pose.probability)),
+        nothing=nothing,
     )
 
 
-def _better_mirrored(problem: Problem, scores: Scores, best: float, redundancy: float) -> Peak | None:
-    """Return the best maximum of a mirrored scan, if it is clearly better than that of the scan, `best`.
-
-    A room with an axis of symmetry explains both equally well.
-    """
-    starts = _starts(scores, problem.room, problem.board)[:_MIRRORED_MAXIMA]
-    if not starts:
-        return None
-    tops = _clear(_different(_tops(problem, starts, redundancy, lambda _share: None)), problem.room, problem.board)
-    top = max(tops, key=lambda peak: peak.score)
-    return top if (top.score - best) / redundancy > _CLEARLY else None
-
-
-def _explained(
-    readings: Sequence[Reading], room: Room, board: Board, pose: Pose, place: Place, options: FitOptions
-) -> float:
-    echoes = [reading for reading in readings if reading.range is not None]
+def _explained(scan: PlacedScan, room: Room, board: Board, pose: Pose, options: FitOptions) -> float:
+    echoes = [reading for reading in scan.readings if reading.range is not None]
     headings = np.array([board.heading_at(reading.angle, pose.heading) for reading in echoes])
-    place = board.faced(replace(place, position=pose.position, heading=pose.heading))
+    place = board.faced(replace(scan.place, position=pose.position, heading=pose.heading))
     measured = np.array([reading.range for reading in echoes], dtype=np.float64) + pose.offset
     predicted = predict_scan(room, place, board, headings, options.prediction).ranges
     return float((np.abs(measured - predicted) <= TOLERANCE).mean())
 
 
-def _score_lattice(problem: Problem, tick: Callable[[float], None]) -> Scores:
+def _score_lattice(problem: Problem, others: Sequence[Correction], tick: Callable[[float], None]) -> list[Scores]:
+    """Return the scores of a scan, and of the scan read in other ways."""
     room = problem.room
     whole = find_free_space(room)
     area = float(whole.free.sum()) * whole.spacing**2
     spacing = max(_FINEST, math.sqrt(area / _POSITIONS))
     positions = find_free_space(room, spacing).middles
     done = iter(range(len(positions)))
-    return score_positions(
+    scores = score_positions(
         problem.scans[0],
         room,
         problem.board,
@@ -431,8 +577,9 @@ def _score_lattice(problem: Problem, tick: Callable[[float], None]) -> Scores:
         spacing,
         problem.places[0].height,
         lambda: tick(next(done) / len(positions)),
-        mirrored=True,
+        [(way.turn, way.scale) for way in others],
     )
+    return [scores, *(replace(scores, scores=other) for other in scores.others)]
 
 
 def _starts(scores: Scores, room: Room, board: Board) -> list[tuple[float, float, float]]:
@@ -503,36 +650,21 @@ def _within(room: Room, spread: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.inv(np.linalg.inv(spread) + np.diag(12 / sides**2)))
 
 
-def _weighed(tops: list[Peak], redundancy: float) -> tuple[Pose, ...]:
-    """Return the poses at the maxima, most probable first; probabilities are volumes under peaks of the posterior."""
-    promising = [top for top in tops if (tops[0].score - top.score) / redundancy < -math.log(_LEAST)]
-    room = tops[0].objective.problem.room
-    spreads = [_within(room, redundancy * covariance_of(top.objective, top.values)[:3, :3]) for top in promising]
-    volumes = np.array([0.5 * np.linalg.slogdet(spread)[1] for spread in spreads])
-    shares = _bagged(promising, volumes, redundancy)
-    poses = [
-        _pose(top.values, share, np.sqrt(np.diag(spread)) * top.objective.problem.widenings[:3])
-        for top, share, spread in zip(promising, shares.tolist(), spreads, strict=True)
-    ]
-    return tuple(sorted((pose for pose in poses if pose.probability >= _LEAST), key=lambda pose: -pose.probability))
+def _peaks_as_poses(tops: Sequence[Peak], redundancy: float) -> list[Pose]:
+    """Return the poses at different maxima, best first, without those that are very improbable."""
+    tops = _different(list(tops))
+    least = tops[0].score + redundancy * learned().temperature * math.log(_LEAST)
+    room, board = tops[0].objective.problem.room, tops[0].objective.problem.board
+    return [_pose(top, redundancy) for top in _clear([top for top in tops if top.score >= least], room, board)]
 
 
-def _bagged(tops: list[Peak], volumes: FloatArray, redundancy: float) -> FloatArray:
-    """Return the probability of each peak (k,), from logarithms of volumes (k,); the mean over bootstrap samples."""
-    by_reading = np.array([top.objective.by_reading(top.values, 0) for top in tops])
-    priors = np.array([top.score for top in tops]) - by_reading.sum(axis=1)
-    readings = by_reading.shape[1]
-    counts = drawn_blocks(readings, redundancy, np.random.default_rng(0))
-    # samples are as large as the scan, also if it is no whole number of blocks
-    counts *= readings / counts.sum(axis=1, keepdims=True)
-    weights = (counts @ by_reading.T + priors) / redundancy + volumes
-    return np.asarray(softmax(weights, axis=1).mean(axis=0))
-
-
-def _pose(values: FloatArray, probability: float, deviations: FloatArray) -> Pose:
-    x, y, heading, offset = values[:4].tolist()
-    dx, dy, turn = deviations.tolist()
-    return Pose((x, y), turned_near(heading), offset, probability, (dx, dy, turn))
+def _pose(top: Peak, redundancy: float) -> Pose:
+    problem = top.objective.problem
+    spread = _within(problem.room, redundancy * covariance_of(top.objective, top.values)[:3, :3])
+    dx, dy, turn = (np.sqrt(np.diag(spread)) * problem.widenings[:3]).tolist()
+    x, y, heading, offset = top.values[:4].tolist()
+    volume = 0.5 * float(np.linalg.slogdet(spread)[1])
+    return Pose((x, y), turned_near(heading), offset, 0.0, (dx, dy, turn), top.score / redundancy, volume)
 
 
 # Poses of scans with their uncertainty, from a CSV file.

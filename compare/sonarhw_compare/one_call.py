@@ -845,6 +845,8 @@ def _map_doubts(mapped: "RoomMap", is_given: bool, room_found: "RoomOfScans | No
             f"{title}: its pose was not found, so the room is found without it; give more of its pose, or add a scan "
             "between it and the others"
         )
+    for reason in room_found.verdict.reasons if room_found else ():
+        yield f"this is probably not a room: {reason}"
 
 
 def _own_body_doubts(scans: "Sequence[PlacedScan]", board: Board) -> Iterator[str]:

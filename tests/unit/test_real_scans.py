@@ -1,11 +1,11 @@
-"""Benchmarks with real scans: chances of agreement, echoes of a known scan, and a folder with another layout."""
+"""Benchmarks with real scans: what is learned on them, echoes of a known scan, and a folder with another layout."""
 
 import math
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.stats import binom
+from scipy.special import expit
 from sonarhw_compare.match import compare_readings
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
@@ -13,16 +13,24 @@ from sonarhw_sim.room.room import load_room
 
 from benchmarks.real.heard_paths import first_echoes
 from benchmarks.real.judged_scans import load_scans
-from benchmarks.real.located_scans import chance_of_agreement
+from benchmarks.real.located_scans import Outcome, learned_on
 from sonarhw.readings import Reading
 
 SPEED = 343.0  # m/s
 
 
-def test_chance_of_agreement_is_binomial() -> None:
-    assert chance_of_agreement([(0.82, True)] * 2) == 0.0  # rates of 0, 0.5 and 1 only
-    # of rates of 0, 0.2, ... only 0.6 is within 0.1 of 0.53
-    assert chance_of_agreement([(0.53, True)] * 5) == pytest.approx(float(binom.pmf(3, 5, 0.53)), abs=0.015)
+def test_the_temperature_of_stated_probabilities_is_learned_on_scans_at_known_places() -> None:
+    random = np.random.default_rng(0)
+    better = random.uniform(-8.0, 8.0, 600)
+    first = random.random(600) < expit(better / 2.5)  # true temperature
+    outcomes = [
+        Outcome("S", str(k), "", (right, not right), np.array([ahead, 0.0]), np.zeros(2), 0.8, 1.0, 0.0, 0.0)
+        for k, (ahead, right) in enumerate(zip(better.tolist(), first.tolist(), strict=True))
+    ]
+    found = learned_on(outcomes, [0.5, 0.6, 0.7, 0.75])
+    assert found.temperature == pytest.approx(2.5, rel=0.15)
+    assert found.usual_explained == pytest.approx(0.8)
+    assert found.chance_of_nothing(0.8) < 0.1 < found.chance_of_nothing(0.5)
 
 
 def test_echoes_of_a_known_scan_are_heard_but_those_that_are_removed() -> None:

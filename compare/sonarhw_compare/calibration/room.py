@@ -189,6 +189,7 @@ def find_own_body(scans: Sequence[PlacedScan]) -> tuple[OwnBodyPart, ...]:
 
     The scans have the readings that the room does not explain, silence included.
     """
+    scans = [scan for scan in scans if scan.readings]
     places = place_numbers([scan.place.position for scan in scans])
     if len(set(places.tolist())) < 2:
         return ()
@@ -597,6 +598,7 @@ _UNITS = {"range_offset": "m", "clock_error": "", "turntable_scale": "", "axis_x
 _CONTRADICTED = 2.58
 _SAME_ZERO = math.radians(10.0)  # most difference of the zero between logs, up to which it belongs to the board
 _FEWEST_SCANS = 3  # for the rule to be sure
+_FEWEST_PLACES = 3  # of which one can be left out
 _LONE_RUN = 3  # neighbouring readings, at least, that are proposed as own body if there is only one place
 
 
@@ -610,6 +612,8 @@ class RoomCalibration(Calibration):
     reflectances: tuple[CalibratedValue, ...] = ()  # of the materials, by these scans
     before: tuple[Comparison, ...] = ()  # of the scans, with the profile `start`
     after: tuple[Comparison, ...] = ()
+    # what each value would be without one place, by key and place; for values that all places together change
+    without_places: dict[str, dict[str, Measured]] = field(default_factory=dict)
 
     @property
     def contradictions(self) -> list[str]:
@@ -628,6 +632,11 @@ class RoomCalibration(Calibration):
             used = "used, and written with the room"
         return [
             *super().lines(),
+            *(
+                f"{key} without {place}: {measured.value:.4g} ± {Z95 * measured.deviation:.2g} {_UNITS[key]}".rstrip()
+                for key, by_place in self.without_places.items()
+                for place, measured in by_place.items()
+            ),
             *(f"{reflectance_text(reflectance)}; {used}" for reflectance in self.reflectances),
             *(
                 f"{scan.name}: {when} {_explained(comparison)}"
@@ -648,6 +657,10 @@ class RoomCalibration(Calibration):
         return super().figures() | {
             "reflectances": [reflectance.figures for reflectance in self.reflectances],
             "room_is_changed": self.room is not self.given,
+            "without_places": {
+                key: {place: asdict(measured) for place, measured in by_place.items()}
+                for key, by_place in self.without_places.items()
+            },
             "scans": [
                 {"name": scan.name, "before": asdict(before.summary()), "after": asdict(after.summary())}
                 for scan, before, after in scans
@@ -701,10 +714,10 @@ def calibrate_in_room(
     calibration.reflectances = reflectances_of(room, fitted)
     if reflectances:
         _reflect_as_found(calibration)
-    _find_geometry(calibration, fitted)
+    _find_geometry(calibration, fitted, lambda share: progress(0.5 + 0.1 * share, "leaving out places"))
     _find_home(calibration, fitted)
     _find_detection(
-        calibration, fitted.places, lambda share: progress(0.5 + 0.35 * share, "choosing threshold and aperture")
+        calibration, fitted.places, lambda share: progress(0.6 + 0.25 * share, "choosing threshold and aperture")
     )
     _find_spreads(calibration, fitted.places, lambda: progress(0.87, "finding spreads"))
     progress(0.93, "comparing")
@@ -816,17 +829,61 @@ def _reflect_as_found(calibration: RoomCalibration) -> None:
     calibration.board = replace(calibration.board, threshold_db=min(moved, 0.0))
 
 
-def _find_geometry(calibration: RoomCalibration, fitted: TurntableFit) -> None:
-    """Add what the scans show to be other than before; the rest stays."""
+def _find_geometry(calibration: RoomCalibration, fitted: TurntableFit, tick: Callable[[float], None]) -> None:
+    """Add what the scans show to be other than before, without any one place too; the rest stays."""
+    changed = []
     for key, unit in _UNITS.items():
         measured, before = fitted.shared[key], float(getattr(calibration.start, key))
         if abs(measured.value - before) > _CONTRADICTED * measured.deviation:
-            calibration.add_measured(key, measured, unit)
+            changed.append(key)
         else:
             half = f"{measured.value:.2g} ± {_CONTRADICTED * measured.deviation:.2g} {unit}".rstrip()
             calibration.kept[key] = f"the scans do not contradict it (99 %: {half})"
-            calibration.board = calibration.board.with_numbers({key: before})
+    without = _without_places(calibration, tick) if changed else {}
+    calibration.without_places = {
+        key: {place: fit.shared[key] for place, fit in without.items()} for key in changed if without
+    }
+    for key in changed:
+        measured, before = fitted.shared[key], float(getattr(calibration.start, key))
+        by_place = calibration.without_places.get(key, {})
+        against = [place for place, other in by_place.items() if not _is_changed(other, before, measured.value)]
+        if against:
+            other = by_place[against[0]]
+            calibration.kept[key] = (
+                f"{measured.value:.4g} by all scans, but without {against[0]} they do not contradict it "
+                f"({other.value:.4g} ± {Z95 * other.deviation:.2g} {_UNITS[key]}".rstrip()
+                + ")"
+            )
+        else:
+            calibration.add_measured(key, measured, _UNITS[key])
+    stays = {key: float(getattr(calibration.start, key)) for key in _UNITS if key in calibration.kept}
+    calibration.board = calibration.board.with_numbers(stays)
     calibration.kept["mount.ahead"] = "only its sum with range_offset shows in a room; measure it with a ruler"
+
+
+def _is_changed(measured: Measured, before: float, value: float) -> bool:
+    """Return whether a value is other than before at 95 % confidence, in the direction of another `value`."""
+    away = (measured.value - before) * math.copysign(1.0, value - before)
+    return away > Z95 * measured.deviation
+
+
+def _without_places(calibration: RoomCalibration, tick: Callable[[float], None]) -> dict[str, TurntableFit]:
+    """Return what the scans show without those of each place, by the place; empty from fewer than three places."""
+    numbers = place_numbers([scan.place.position for scan in calibration.scans])
+    places = np.unique(numbers).tolist()
+    if len(places) < _FEWEST_PLACES:
+        return {}
+    start = replace(calibration.start, own_body=calibration.board.own_body)
+    fits = {}
+    for done, number in enumerate(places):
+        tick(done / len(places))
+        scans = [scan for scan, other in zip(calibration.scans, numbers.tolist(), strict=True) if other != number]
+        first = starting_turntable(scans, calibration.room, start, lambda _share: None)
+        board = replace(calibration.board, turntable_scale=first.shared[quantities.SCALE.key].value)
+        left_out = calibration.scans[numbers.tolist().index(number)].place
+        name = left_out.name or f"{left_out.position[0]:g},{left_out.position[1]:g}"
+        fits[name] = fit_turntable(scans, calibration.room, board, first, lambda: None)
+    return fits
 
 
 def _find_home(calibration: RoomCalibration, fitted: TurntableFit) -> None:

@@ -54,7 +54,7 @@ class Scores:
     headings: FloatArray  # (h,), rad
     scores: FloatArray  # (p, h), natural logarithms; -inf without any path
     spacing: float  # m, between positions
-    mirrored: FloatArray | None = None  # (p, h), those of the scan with its turntable angles reversed
+    others: tuple[FloatArray, ...] = ()  # (p, h) each, those of the scan read in other ways
 
 
 def lattice(lower: tuple[float, float], upper: tuple[float, float]) -> tuple[FloatArray, float]:
@@ -78,26 +78,26 @@ def score_positions(
     spacing: float,
     height: float | None = None,
     tick: Callable[[], None] = lambda: None,
-    *,
-    mirrored: bool = False,
+    others: Sequence[tuple[float, float]] = (),
 ) -> Scores:
     """Return the scores of a scan at each of `positions` (p, 2) of the turning axis; `tick` is called once for each.
 
-    An error of half the spacing lowers the score little. Positions without any path score -inf. With `mirrored`, the
-    scan is also scored with its turntable angles reversed.
+    An error of half the spacing lowers the score little. Positions without any path score -inf. The scan is also scored
+    as read in `others`: with these factors of its turntable angles and of its ranges.
     """
     headings = np.arange(HEADINGS, dtype=np.float64) * (math.tau / HEADINGS)
-    scores = np.full((len(positions), HEADINGS), -math.inf)
-    reversed_scores = scores.copy() if mirrored else None
+    ways = [(1.0, 1.0), *others]
+    scores = np.full((len(ways), len(positions), HEADINGS), -math.inf)
     first = np.ascontiguousarray(scan.ranges[:, 0])  # one type of array, so one kernel
-    farthest = min(board.max_range, float(np.nanmax(first, initial=0.0)) + 3 * spacing)
+    longest = float(np.nanmax(first, initial=0.0)) * max(scale for _, scale in ways)
+    farthest = min(board.max_range, longest + 3 * spacing)
     # scores weigh each path alone, so they need no faint paths that are loud together
     search = replace(search_for(room, replace(board, sum_arrivals=False), QUICK), max_length=2 * farthest)
     ka = board.wavenumber(room.air) * board.aperture_radius
-    bins, reversed_bins = (
-        np.round(board.heading_at(sign * scan.angles, 0.0) * (HEADINGS / math.tau)).astype(np.int64) % HEADINGS
-        for sign in (1.0, -1.0)
-    )
+    bins = [
+        np.round(board.heading_at(turn * scan.angles, 0.0) * (HEADINGS / math.tau)).astype(np.int64) % HEADINGS
+        for turn, _ in ways
+    ]
     width = max(0.7 * spacing, 0.03)
     places = [Place("", (x, y), height=height) for x, y in positions.tolist()]
     for row, paths in enumerate(paths_from_each(room, places, search, board.aperture_radius)):
@@ -108,10 +108,9 @@ def score_positions(
             level = 20 * np.log10(np.maximum(strengths(room, board, paths), 1e-12)) - board.threshold_db
             reported = board.unrounded(paths.lengths / 2)
             table = _candidates(headings, paths.leaving, paths.arriving, level, ka, beam_table(ka))
-            scores[row] = _score(first, bins, reported, *table, width)
-            if reversed_scores is not None:
-                reversed_scores[row] = _score(first, reversed_bins, reported, *table, width)
-    return Scores(positions, headings, scores, spacing, reversed_scores)
+            for way, (_, scale) in enumerate(ways):
+                scores[way, row] = _score(scale * first, bins[way], reported, *table, width)
+    return Scores(positions, headings, scores[0], spacing, tuple(scores[1:]))
 
 
 @compiled

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import combinations, pairwise, product
 
@@ -371,6 +371,7 @@ class Touches:
     posts: tuple[int, ...]  # number of touches of each post
     echoes: tuple[int, ...]  # by scan: their number
     unexplained: tuple[int, ...]  # by scan: number of echoes without a path
+    seen: dict[int, int] = field(default_factory=dict)  # by key: number of scans with an echo of the wall
 
 
 def touches_of(evidence: Evidence, draft: RoomDraft) -> Touches:
@@ -378,7 +379,8 @@ def touches_of(evidence: Evidence, draft: RoomDraft) -> Touches:
     room, board = draft.room(evidence.air), as_found(evidence.board, draft)
     walls: dict[int, list[float]] = {key: [] for key in draft.walls}
     posts, echoes, unexplained = [0] * len(draft.posts), [], []
-    for scan, place in zip(evidence.scans, draft.places, strict=True):
+    seen: dict[int, set[int]] = {key: set() for key in draft.walls}
+    for number, (scan, place) in enumerate(zip(evidence.scans, draft.places, strict=True)):
         comparison = compare_readings(scan.readings, room, board.faced(place), board, FOLLOWED)
         paths = comparison.prediction.paths
         echoes.append(sum(row.measured is not None for row in comparison.rows))
@@ -392,10 +394,15 @@ def touches_of(evidence: Evidence, draft: RoomDraft) -> Touches:
                     along = _on(draft, key, point)
                     if along is not None:
                         walls[key].append(along)
-                for number, post in enumerate(draft.posts):
-                    posts[number] += bool(abs(np.hypot(*(point - post.center)) - post.radius) < 1e-6)
+                        seen[key].add(number)
+                for which, post in enumerate(draft.posts):
+                    posts[which] += bool(abs(np.hypot(*(point - post.center)) - post.radius) < 1e-6)
     return Touches(
-        {key: np.array(along) for key, along in walls.items()}, tuple(posts), tuple(echoes), tuple(unexplained)
+        {key: np.array(along) for key, along in walls.items()},
+        tuple(posts),
+        tuple(echoes),
+        tuple(unexplained),
+        {key: len(scans) for key, scans in seen.items()},
     )
 
 

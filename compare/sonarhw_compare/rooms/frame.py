@@ -24,7 +24,8 @@ from sonarhw_compare.rooms.evidence import Evidence
 # Headings of all scans together.
 
 
-SOLVED = math.radians(5)  # standard deviation of a solved heading; real scans: 2 to 7°
+SOLVED = math.radians(10)  # standard deviation of a solved heading; in real scans, errors up to 20°
+_SURE = 0.03  # of the agreement with each other scan, by which a heading is better than those over 30° away
 _COUNT = 180  # headings, 2° apart
 _CELL, _BLUR = 0.03, 0.04  # m: step of distances, and standard deviation of a range
 _FARTHEST = 6.0  # m, of a range
@@ -32,6 +33,7 @@ _NARROWEST, _WIDE = math.radians(4), math.radians(10)  # of a bearing; width of 
 _STARTS = 4  # pairs of headings of two scans, from which all headings are solved
 _AGREEMENT = 15.0  # log-likelihood of one scan that agrees with another one entirely
 _ROUNDS = 30
+_ELSEWHERE = math.radians(30)  # from a heading to another solution
 _HEADINGS: FloatArray = np.linspace(0.0, math.tau, _COUNT, endpoint=False)
 
 
@@ -44,8 +46,9 @@ def with_solved_headings(
 ) -> tuple[tuple[PlacedScan, ...], tuple[PoseSpread, ...]]:
     """Return scans and spreads with headings that are not known within `rough` (rad) solved from all scans together.
 
-    Only scans at known positions take part. What is known of a heading is its prior. `tick` receives the completed
-    share, 0..1. Nothing changes if all headings are known, or fewer than three positions are.
+    Only scans at known positions take part. What is known of a heading is its prior. A heading stays as it is if
+    another one agrees almost as well with the other scans. `tick` receives the completed share, 0..1. Nothing changes
+    if all headings are known, or fewer than three positions are.
     """
     rows = [row for row, spread in enumerate(spreads) if spread.xy <= WRITTEN]
     wide = [row for row in rows if spreads[row].heading > rough]
@@ -57,9 +60,11 @@ def with_solved_headings(
         board,
     )
     solved = agreement.best(tick)
+    if sum(is_sure for _, is_sure in solved) < 2:
+        solved = [(heading, True) for heading, _ in solved]
     placed, known = list(scans), list(spreads)
-    for row, heading in zip(rows, solved, strict=True):
-        if row in wide:
+    for row, (heading, is_sure) in zip(rows, solved, strict=True):
+        if row in wide and is_sure:
             placed[row] = replace(scans[row], place=replace(scans[row].place, heading=heading))
             known[row] = replace(spreads[row], heading=SOLVED)
     return tuple(placed), tuple(known)
@@ -91,8 +96,8 @@ class _Agreement:
     def _arcs(self) -> tuple[Arc, ...]:
         return arcs_of(self.scans, self.board, POSSIBLE)
 
-    def best(self, tick: Callable[[float], None]) -> list[float]:
-        """Return the headings (rad) with which the scans agree best."""
+    def best(self, tick: Callable[[float], None]) -> list[tuple[float, bool]]:
+        """Return the headings (rad) with which the scans agree best, and whether each is clearly better than others."""
         count = len(self.scans)
         pairs: dict[tuple[int, int], FloatArray] = {}
         several = [(one, other) for one in range(count) for other in range(one + 1, count)]
@@ -106,7 +111,16 @@ class _Agreement:
             for first, second in _tops(pairs[one, other] + self.priors[one][:, None] + self.priors[other])
         ]
         _, rows = max(results, key=lambda result: result[0])
-        return [float(angle_difference(_HEADINGS[row], 0.0)) for row in rows]
+        return [
+            (float(angle_difference(_HEADINGS[row], 0.0)), self._is_sure(pairs, rows, scan))
+            for scan, row in enumerate(rows)
+        ]
+
+    def _is_sure(self, pairs: dict[tuple[int, int], FloatArray], rows: Sequence[int], scan: int) -> bool:
+        others = [other for other in range(len(rows)) if other != scan]
+        by_heading = self.priors[scan] + sum(pairs[scan, other][:, rows[other]] for other in others)
+        far = np.abs(angle_difference(_HEADINGS, _HEADINGS[rows[scan]])) > _ELSEWHERE
+        return bool(by_heading[rows[scan]] - by_heading[far].max() >= _SURE * len(others))
 
     def _of_pair(self, one: int, other: int) -> FloatArray:
         """Return the agreement of two scans at each pair of their headings, (h, h)."""

@@ -16,7 +16,7 @@ from tomlkit.items import AoT, Table
 from sonarhw.errors import counted, harmless, in_degrees
 from sonarhw.readings import FloatArray
 from sonarhw_compare.free_space import find_free_space
-from sonarhw_compare.locate import Pose
+from sonarhw_compare.locate import Pose, learned
 from sonarhw_compare.map import RoomMap, rounded_point
 from sonarhw_compare.rooms.draft import MATERIAL, REFLECTANCE, SHARE, SPREAD, at_right_angles, post_name, wall_name
 from sonarhw_compare.rooms.evidence import FINE, FOLLOWED
@@ -316,6 +316,75 @@ def _apart(places: Sequence[NextPlace], count: int) -> tuple[NextPlace, ...]:
     return tuple(kept)
 
 
+# Whether scans show a room: the share of the echoes that it explains, beside that of rooms of real sensors.
+
+
+_LEAST_WALLS = 2
+_MISFIT_SDS = 3.0  # standard deviations below the usual share, at which a scan does not fit
+_MOST_MISFITS = 1 / 3  # of the scans
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether what was found is a room."""
+
+    explained: float  # share of the echoes within 5 cm of one that the room predicts
+    usual: float  # mean share at the right pose in known rooms, of real sensors
+    misfits: tuple[str, ...]  # titles of the scans that do not fit, those left out included
+    reasons: tuple[str, ...]  # why this is no room; empty if it is one
+
+    @property
+    def is_room(self) -> bool:
+        """Whether nothing contradicts it."""
+        return not self.reasons
+
+    def lines(self) -> Iterator[str]:
+        """Yield the verdict as lines of text."""
+        fits = f"; scans that do not fit: {', '.join(map(harmless, self.misfits))}" if self.misfits else ""
+        yield (
+            f"{'a room' if self.is_room else 'not a room'}: {self.explained:.0%} of the echoes are explained, in known "
+            f"rooms {self.usual:.0%} are usual{fits}"
+        )
+
+    def figures(self) -> dict[str, Any]:
+        """Return the verdict for JSON."""
+        return {
+            "is_room": self.is_room,
+            "explained_share": round(self.explained, 4),
+            "usual_share": self.usual,
+            "misfits": list(self.misfits),
+            "reasons": list(self.reasons),
+        }
+
+
+def verdict_of(result: FoundRoom) -> Verdict:
+    """Return whether the found walls and posts are a room of the scans."""
+    by_sensors, touches = learned(), result.touches
+    explained = result.explained / max(1, result.echoes)
+    least = by_sensors.usual_explained - _MISFIT_SDS * by_sensors.usual_explained_sd
+    misfits = [
+        scan.title
+        for scan, echoes, missing in zip(result.scans, touches.echoes, touches.unexplained, strict=False)
+        if echoes and 1 - missing / echoes < least
+    ]
+    misfits += result.left_out
+    reasons = []
+    if explained < by_sensors.usual_explained - by_sensors.usual_explained_sd:
+        reasons.append(
+            f"only {explained:.0%} of {result.echoes} echoes are explained; at the right pose in known rooms, "
+            f"{by_sensors.usual_explained:.0%} ± {by_sensors.usual_explained_sd:.0%} are usual"
+        )
+    scans = len(result.scans) + len(result.left_out)
+    if scans > 1 and len(misfits) > _MOST_MISFITS * scans:
+        reasons.append(f"{len(misfits)} of {scans} scans do not fit")
+    single = sum(count < 2 for count in touches.seen.values())
+    if scans > 1 and single > len(touches.seen) / 2:
+        reasons.append(f"{single} of {counted(len(touches.seen), 'wall')} returned echoes to one scan only")
+    if len(result.draft.walls) < _LEAST_WALLS:
+        reasons.append(f"{counted(len(result.draft.walls), 'wall')} found")
+    return Verdict(explained, by_sensors.usual_explained, tuple(misfits), tuple(reasons))
+
+
 # The results of `sonarhw map`: the map of scans, and the room found from them.
 
 
@@ -329,6 +398,11 @@ class RoomOfScans:
     given_board: Board
     next_places: tuple[NextPlace, ...] | None  # best first; None: not wanted
 
+    @property
+    def verdict(self) -> Verdict:
+        """Whether it is a room."""
+        return verdict_of(self.found)
+
     def lines(self) -> list[str]:
         """Return what was found as lines of text."""
         result = self.found
@@ -338,6 +412,7 @@ class RoomOfScans:
             f"{counted(len(open_ends(result)), 'open end')}; "
             f"{result.explained} of {result.echoes} echoes are within 5 cm of one that it predicts",
             *assumptions(result, self.given_board),
+            *self.verdict.lines(),
             *map(_next_line, self.next_places or ()),
         ]
 
@@ -345,6 +420,7 @@ class RoomOfScans:
         """Return what was found for JSON."""
         poses = {title: list(map(_pose_figures, several)) for title, several in self.found.poses.items()}
         figures = found_room_figures(self.found) | {"poses": poses, "left_out": list(self.found.left_out)}
+        figures["verdict"] = self.verdict.figures()
         if self.next_places is not None:
             figures["next"] = list(map(_next_figures, self.next_places))
         return figures

@@ -39,7 +39,7 @@ from sonarhw_compare.rooms.evidence import (
     scored,
     scored_if_near,
 )
-from sonarhw_compare.rooms.frame import in_frame, with_solved_headings
+from sonarhw_compare.rooms.frame import SOLVED, in_frame, with_solved_headings
 from sonarhw_compare.rooms.refinement import Move, centred, deviations_of, refined, threshold_deviation, with_threshold
 
 # Growth of a draft: walls and posts are added while the scans speak for them, and removed where they do not.
@@ -324,6 +324,7 @@ def _in_one(draft: RoomDraft, key: int, other: int) -> RoomDraft:
 
 # shares of growth that are done after each of its rounds, the rest is for oblique walls; share of a search after growth
 _ROUNDS_DONE, _SEARCHED_DONE = (0.72, 0.83, 0.89), 0.9
+_WIDE_HEADING = math.radians(3)  # standard deviation of a heading that is refined by all readings during the growth
 _REGROWN = 2  # times that walls grow in place of those that no range determines
 LARGE = 500  # searches of the paths of a scan, some seconds, after which a search is so large that processes pay
 _ROOM_STEPS, _LAST_STEPS = 4, 8  # of a refinement
@@ -448,13 +449,18 @@ def _searched(evidence: Evidence, begin: RoomDraft) -> RoomDraft:
         longer = pruned(evidence, grown(evidence, best))
         if longer.draft == best.draft:
             break
-        best = scored(evidence, in_frame(evidence, refined(evidence, longer.draft, ROUGH, _ROOM_STEPS).draft))
+        best = refined(evidence, longer.draft, ROUGH, _ROOM_STEPS, with_headings=_has_wide_headings(evidence))
+        best = scored(evidence, in_frame(evidence, best.draft))
         best = squared(evidence, best)
         best = with_parts_joined(evidence, pruned(evidence, best))
         best = _cut_back(evidence, candidates.with_better_ends(evidence, best))
         best = candidates.with_free_ends_moved(evidence, best)
     evidence.progress.begin(1.0)
     return rebuilt(evidence, best).draft
+
+
+def _has_wide_headings(evidence: Evidence) -> bool:
+    return any(spread.heading > _WIDE_HEADING for spread in evidence.spreads)
 
 
 def rebuilt(evidence: Evidence, best: Scored) -> Scored:
@@ -640,7 +646,8 @@ def find_room_and_poses(
                 located = search.located(longer, longer.placed.keys() - stage.placed.keys())
             poses |= {k: located[k].poses for k in longer.placed.keys() - stage.placed.keys()}
             stage = longer
-        if poses:  # once more, because the last scans began at located places, which are not refined
+        # once more, because the last scans began at located positions, which are not refined
+        if any(math.isinf(spreads[k].xy) for k in poses):
             search.progress.begin(1.0)
             again = search.room_with(stage, {}, 1.0, search.course.unseen)
             stage = max(again, stage, key=lambda candidate: candidate.found.worth)
@@ -674,7 +681,7 @@ class _Search:
         return {k: scan for k, scan in whole.items() if self._is_narrow(k)} or dict(list(whole.items())[:1])
 
     def _is_narrow(self, k: int) -> bool:
-        return self.spreads[k].xy <= _NARROW.xy and self.spreads[k].heading <= _NARROW.heading
+        return self.spreads[k].xy <= _NARROW.xy and self.spreads[k].heading <= SOLVED
 
     @property
     def parts(self) -> int:
@@ -716,6 +723,7 @@ class _Search:
                 prediction=FOLLOWED,
                 expected=scan.place,
                 spread=self.spreads[k],
+                rightly=True,
                 tick=self.progress.inner(_LOCATING),
             )
             for k, scan in enumerate(self.scans)

@@ -546,12 +546,15 @@ def next_text(state: searches.FindState, unit: Callable[[float], str]) -> str:
 
 
 def poses_text(state: searches.FindState, unit: LengthUnit) -> str:
-    """Return the possible poses of each scan that was located, and the scans that were not; empty if there are none."""
+    """Return why this may be no room, the possible poses of located scans, and the scans that were not located."""
     if (answer := state.answer) is None:
         return ""
+    from sonarhw_compare.rooms.outcome import verdict_of
+
+    reasons = [f"⚠ This is probably not a room: {reason}." for reason in verdict_of(answer.result).reasons]
     lines = [f"{name}: {'; '.join(_pose(pose, unit) for pose in poses)}" for name, poses in answer.result.poses.items()]
     lines += [f"⚠ {name} is left out: its pose was not found." for name in answer.result.left_out]
-    return "\n".join(lines)
+    return "\n".join([*reasons, *lines])
 
 
 def _pose(pose: "Pose", unit: LengthUnit) -> str:

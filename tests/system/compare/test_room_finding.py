@@ -128,6 +128,25 @@ def test_written_positions_without_headings_determine_the_room_and_its_direction
     assert max(abs(math.remainder(found.places[name].heading, math.tau)) for name in PLACES) < TURNED
 
 
+def test_what_is_not_a_room_is_written_only_if_wanted(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given, file = [str(tmp_path / f"{name}.mcap") for name in "ac"], tmp_path / "found.toml"
+    for name, log in zip("ac", given, strict=True):
+        command = ["simulate", str(folder / "true.toml"), "--place", name, "--step", "15", "--board", "hc-sr04"]
+        assert run([*command, "--out", log]) == 0
+    capsys.readouterr()
+    command = ["map", *given, "--pose", "0.6,0.7,0", "--pose", "1.2,1.5,130", "--out", str(file)]  # the second is wrong
+    assert run([*command, "--json"]) == 1
+    printed = capsys.readouterr()
+    verdict = json.loads(printed.out)["found"]["verdict"]
+    assert (verdict["is_room"], file.exists()) == (False, False)
+    assert f"this is probably not a room: {verdict['reasons'][0]}" in printed.err
+    assert run([*command, "--anyway"]) == 0
+    assert file.exists()
+    assert "not a room: " in capsys.readouterr().out
+
+
 def test_a_sensor_that_hears_less_than_its_profile_states_is_found_with_the_room(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -10,10 +10,7 @@ from scipy.special import j1
 from sonarhw_compare.calibration.outcome import Calibration
 from sonarhw_compare.calibration.plate import calibrate_with_plates, find_blanking
 from sonarhw_compare.calibration.plate_readings import plate_levels, plate_readings
-from sonarhw_compare.calibration.room import (
-    find_own_body,
-    spreads,
-)
+from sonarhw_compare.calibration.room import calibrate_in_room, find_own_body, spreads
 from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import load_board
@@ -24,7 +21,7 @@ from sonarhw_sim.room.room import Place, load_room
 from sonarhw.errors import NoPlate
 from sonarhw.readings import Ping
 from tests.fixtures.plate_scans import CONSTANTS, hidden_board, plates, scanned_plate, start_board
-from tests.fixtures.predicted_readings import readings_of
+from tests.fixtures.predicted_readings import predicted_readings, readings_of
 
 ROOM, NXT = load_room("arena"), load_board("lego-nxt")
 SPEED, AIR_SPEED = ROOM.air.speed_of_sound, Air().speed_of_sound
@@ -156,3 +153,25 @@ def test_a_plate_has_the_level_of_a_perfect_wall_times_the_beam_there_and_back()
     assert levels.detected_at(-angles) == pytest.approx(expected, abs=0.01)
     # a burst contains other frequencies than its carrier, which matter little in the main lobe
     assert levels.peaks_at(angles[:3]) == pytest.approx(expected[:3], abs=0.1)
+
+
+# A value is changed if no single place decides it.
+
+
+@pytest.mark.parametrize(("offsets", "changed"), [((0.03, 0.03, 0.03), "range_offset"), ((0.0, 0.0, 0.06), None)])
+def test_a_value_of_the_geometry_is_changed_only_if_it_is_so_without_each_place(
+    offsets: tuple[float, ...], changed: str | None
+) -> None:
+    room, board = load_room("arena"), load_board("hc-sr04")
+    scans = [
+        PlacedScan(predicted_readings(room, room.places[name], replace(board, range_offset=by), 10.0), place, name)
+        for name, by in zip(("p0", "p2", "p3"), offsets, strict=True)
+        for place in [room.places[name]]
+    ]
+    found = calibrate_in_room(board, scans, room)
+    geometry = [finding.key for finding in found.findings if finding.key in found.without_places]
+    assert geometry == ([changed] if changed else [])
+    # 6 cm at one place look like another scale of the turntable, but not without this place or another one
+    assert all("by all scans, but without p" in found.kept[key] for key in found.without_places if key != changed)
+    assert found.without_places
+    assert any(" without p0: " in line for line in found.lines())

@@ -1,13 +1,24 @@
 """Poses: probabilities of places, doubts, and what is wrong with a table of poses; and a robot that is tracked."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from sonarhw_cli.options import with_options
 from sonarhw_compare.fit.starting import Scores
-from sonarhw_compare.locate import HEADER, UNKNOWN, Located, Pose, PoseSpread, known_heading, locate_scan, read_poses
+from sonarhw_compare.locate import (
+    HEADER,
+    UNKNOWN,
+    Located,
+    Pose,
+    PoseSpread,
+    known_heading,
+    learned,
+    locate_scan,
+    read_poses,
+)
 from sonarhw_compare.track import NearestLikelihood, Tracker, log_likelihood
 from sonarhw_sim.air import Model
 from sonarhw_sim.board.profile import load_board
@@ -60,19 +71,34 @@ def test_a_heading_that_contradicts_the_stated_one_is_doubtful(stated: float, tu
     assert [with_options(doubt) for doubt in found.doubts] == expected
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_scan_with_clockwise_angles_is_found_and_a_right_one_is_not_doubted(sign: float) -> None:
+@pytest.mark.parametrize(
+    ("turn", "scale", "named"),
+    [(1.0, 1.0, None), (-1.0, 1.0, "with clockwise angles"), (1.0, 0.5, "with 2 times the ranges")],
+)
+def test_a_scan_that_was_read_wrongly_is_found_and_a_right_one_is_not_doubted(
+    turn: float, scale: float, named: str | None
+) -> None:
     place, angles = ROOM.place("p3"), np.radians(np.arange(0.0, 360.0, 12.0))
     ranges = sonarhw.predict(ROOM, place, BOARD, place.heading + angles).ranges
-    poses = locate_scan(readings_of(sign * angles, ranges), ROOM, BOARD)
-    if sign > 0:
-        assert poses.mirrored is None
-        assert math.dist(poses.poses[0].position, place.position) < 0.02
-        return
-    assert poses.mirrored is not None
-    assert math.dist(poses.mirrored.position, place.position) < 0.02
-    assert not poses.fits_room
-    assert "the angles are probably clockwise" in poses.doubts[0]
+    found = locate_scan(readings_of(turn * angles, scale * ranges), ROOM, BOARD)
+    shares = [pose.probability for pose in (*found.poses, *(other.pose for other in found.others))]
+    assert sum(shares) + found.nothing == pytest.approx(1.0, abs=0.01)
+    best = found.better_read
+    pose = found.poses[0] if best is None else best.pose
+    assert math.dist(pose.position, place.position) < 0.02
+    assert (None if best is None else best.correction.name) == named
+    assert found.fits_room == (named is None)
+    assert any("probably read wrongly" in doubt for doubt in found.doubts) == (named is not None)
+    assert found.figures()["none"] == round(found.nothing, 6) > 0
+
+
+def test_fewer_explained_echoes_make_none_of_the_poses_more_probable_and_are_compared_with_usual_ones() -> None:
+    shares = [learned().chance_of_nothing(explained) for explained in (1.0, 0.8, 0.6, 0.3)]
+    assert shares == sorted(shares)
+    assert shares[0] < 0.05 < shares[-1] < 1
+    lines = list(replace(located(((1.0, 1.0), 0.7), readings=20), explained=0.5, nothing=0.3).lines())
+    assert " 30.0%  none of these" in lines
+    assert any("50% of the echoes" in line and "real sensors" in line for line in lines)
 
 
 # Tables of poses.

@@ -13,7 +13,7 @@ from sonarhw_compare.rooms.causes import MovedWall, NewPost, NewWall, OtherRefle
 from sonarhw_compare.rooms.draft import DraftEnd, DraftPost, DraftWall, RoomDraft, draft_of_room
 from sonarhw_compare.rooms.evidence import FOLLOWED, ROUGH, Evidence, evidence_of, scored
 from sonarhw_compare.rooms.frame import SOLVED, in_frame, with_solved_headings
-from sonarhw_compare.rooms.outcome import found_room, found_room_figures, found_room_text, next_places
+from sonarhw_compare.rooms.outcome import found_room, found_room_figures, found_room_text, next_places, verdict_of
 from sonarhw_compare.rooms.refinement import Move, deviations_of, moves_of, range_errors, refined
 from sonarhw_compare.rooms.search import FoundRoom, squared
 from sonarhw_sim.air import Air, Receiver
@@ -277,6 +277,27 @@ def rectangle(**deviations: float) -> FoundRoom:
         drawn[key] = DraftWall(middle, math.pi / 2 + key * math.pi / 2, ends)
     moves = {Move("wall", key, 0): deviations.get(name, 0.0) for key, name in enumerate(NAMES)}
     return FoundRoom(RoomDraft((Place("a", (2.0, 1.0)),), drawn), moves, Touches({}, (), (), ()), 0.0)
+
+
+@pytest.mark.parametrize(
+    ("unexplained", "seen", "left_out", "reasons"),
+    [
+        ((2, 1, 3), 3, (), ()),
+        ((12, 12, 1), 3, (), ("only 58% of 60 echoes", "2 of 3 scans do not fit")),
+        ((2, 1, 3), 1, (), ("4 of 4 walls returned echoes to one scan only",)),
+        ((2, 1, 3), 3, ("d", "e"), ("2 of 5 scans do not fit",)),
+    ],
+)
+def test_what_explains_few_echoes_or_is_seen_from_one_place_is_no_room(
+    unexplained: tuple[int, ...], seen: int, left_out: tuple[str, ...], reasons: tuple[str, ...]
+) -> None:
+    scans = tuple(PlacedScan((), Place(name, (1.0, 1.0)), name) for name in "abc")
+    touches = Touches({}, (), (20,) * 3, unexplained, dict.fromkeys(range(4), seen))
+    found = replace(rectangle(), touches=touches, scans=scans, left_out=left_out)
+    verdict = verdict_of(found)
+    assert [reason for reason in verdict.reasons if reason.startswith(reasons)] == list(verdict.reasons)
+    assert (len(verdict.reasons), verdict.is_room) == (len(reasons), not reasons)
+    assert set(left_out) <= set(verdict.misfits)
 
 
 def test_the_next_scan_is_proposed_where_most_readings_are_of_an_uncertain_wall_and_towards_it() -> None:
