@@ -717,6 +717,8 @@ def _follow_directions(
             # the direction before the first one of a place is its last one
             earlier = direction - search.step if row > 0 else direction + (count - 1) // search.step * search.step
             found, known, before = _follow_ray(earlier, found, known, search, space, table)
+            if is_full(table, found, known):
+                return direction, found, known
         found, known, last = _follow_ray(direction, found, known, search, space, table)
         if search.step > 1 and not _are_alike(before, last, table):
             place = direction - row

@@ -425,6 +425,14 @@ def test_paths_of_several_places_are_those_of_each() -> None:
                 assert (getattr(paths, name)[here] == getattr(alone, name)).all()
 
 
+def test_a_table_that_is_often_full_changes_no_path(monkeypatch: pytest.MonkeyPatch) -> None:
+    room, positions = load_room("laboratory"), np.array([(1.72, 1.23), (0.93, 0.46)])
+    search = PathSearch(8.0, WAVE, rays=720, faintest_diffraction=0.03, step=4)
+    paths, _ = find_paths_of_places(room, positions, search)
+    monkeypatch.setattr(path_table, "_ROOM", 2)
+    assert (find_paths_of_places(room, positions, search)[0].lengths == paths.lengths).all()
+
+
 def test_turning_the_room_changes_no_path() -> None:
     straight = levels(find_paths(turned_room(0.0), (0.0, 0.0), SEARCH_PAST))
     turned = levels(find_paths(turned_room(math.radians(17.3)), (0.0, 0.0), SEARCH_PAST))
