@@ -46,7 +46,7 @@ class Interrupt:
             _exit_at_once(INTERRUPTED)
         if self.received or self.status is not None:
             return
-        if _in_result_of_kernel(frame):
+        if _in_unsafe_code(frame):
             self._repeated += 1
             self._threads.append(_started(_repeat, number))
             return
@@ -118,15 +118,17 @@ def _started(function: Callable[..., None], *arguments: object) -> _thread.LockT
     return running
 
 
-def _in_result_of_kernel(frame: FrameType | None) -> bool:
-    """Return whether numba is converting the result of a kernel.
+def _in_unsafe_code(frame: FrameType | None) -> bool:
+    """Return whether numba is converting the result of a kernel, or Qt for Python is being imported.
 
-    It looks up types in Python, does not check for an error there, and crashes (numba 0.68). A signal that arrives
-    while a kernel runs is handled just then.
+    Both run Python, do not check for an error there, and crash (numba 0.68, shiboken 6). A signal that arrives while
+    a kernel runs is handled just then.
     """
-    while frame is not None and frame.f_code.co_name != "_numba_unpickle":
+    while frame is not None:
+        if frame.f_code.co_name == "_numba_unpickle" or "shiboken" in frame.f_code.co_filename:
+            return True
         frame = frame.f_back
-    return frame is not None
+    return False
 
 
 def _repeat(number: int) -> None:

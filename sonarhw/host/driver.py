@@ -412,12 +412,14 @@ class Driver:
     def _check_silence(self, now: float) -> None:
         if self._last_byte is None or self.info is None:  # a device sends nothing before Hello
             return
+        if now < min(self._last_byte + SILENCE, self._last_message + NO_MESSAGE):
+            return
+        self.unanswered = next((command.name for command in self._open.values()), None)
         if now >= self._last_byte + SILENCE:
             raise NoAnswer(f"{self.where}: no byte received for {SILENCE:g} s; check the scanner's power and its cable")
-        if now >= self._last_message + NO_MESSAGE:
-            raise NoAnswer(
-                f"{self.where}: no valid message for {NO_MESSAGE:g} s; `sonarhw monitor` shows the received bytes"
-            )
+        raise NoAnswer(
+            f"{self.where}: no valid message for {NO_MESSAGE:g} s; `sonarhw monitor` shows the received bytes"
+        )
 
     def _count_gap(self, sequence: int) -> None:
         gap = 0 if self._device_sequence is None else (sequence - self._device_sequence - 1) % 0x10000

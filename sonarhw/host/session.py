@@ -419,7 +419,10 @@ class Session:
         job = self._jobs[0]
         job.losses_in_a_row += 1
         if job.losses_in_a_row >= MAX_LOSSES:
-            text = f"{error}; the scanner was lost {MAX_LOSSES} times in a row without a reading in between"
+            text = (
+                f"{error}; the scanner was lost {MAX_LOSSES} times in a row without a reading in between; if the cable "
+                "is good, `sonarhw doctor URL --protocol` checks its firmware"
+            )
             self._end(job, error=errors.LinkLost(text))
 
     def _fail_overdue_jobs(self, now: float) -> None:

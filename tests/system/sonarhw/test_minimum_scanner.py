@@ -165,7 +165,7 @@ FAULTS = {
         "Configure",
         "answers Hello, not Configure",
     ),
-    "own speed": ("blanking_us, 0, speed)", "blanking_us, 0, 343)", "Configure", "speed_of_sound 343"),
+    "own speed": ("blanking_us, 0, sound)", "blanking_us, 0, 343)", "Configure", "speed_of_sound 343"),
     "no heartbeat": ("if greeted and clock()", "if False and clock()", "Heartbeat", "no Heartbeat"),
     "no Finished": ("    send(finished)\n\n", "\n\n", "Home", "no Finished for Home"),
     "angle": ("turn(start + step *", "turn(500 + start + 2 * step *", "StartScan", "angle"),
@@ -195,12 +195,14 @@ def test_a_planted_fault_is_named_at_its_stage(name: str, tmp_path: Path) -> Non
 def test_a_scan_of_a_device_that_answers_only_hello_ends_with_the_same_sentence(tmp_path: Path) -> None:
     old, new, _, words = FAULTS["only Hello"]
     sentence = "; `sonarhw doctor URL --protocol` checks its firmware"
-    with (
-        running(micropython(tmp_path, PROGRAMS["python"].replace(old, new))) as port,
-        Scanner.open(port) as scanner,
-        pytest.raises(NoAnswer, match=words + sentence),
-    ):
-        scanner.configure()
+    beating = PROGRAMS["python"].replace(old, new)
+    for program in (beating, beating.replace(*FAULTS["no heartbeat"][:2])):
+        with (
+            running(micropython(tmp_path, program)) as port,
+            Scanner.open(port) as scanner,
+            pytest.raises(NoAnswer, match=words + sentence),
+        ):
+            scanner.configure()
     newer = PROGRAMS["python"].replace('"<BHBB", 0x81, command, 1, 0', '"<BHBB", 0x81, command, 1, 2')
     silent = newer.replace('refuse(command, UNKNOWN, "unknown command")', "return")
     with (

@@ -77,6 +77,19 @@ with_other(no_candidates(), 0, 0, no_candidates(), 0, 0)
 while True:
     pass
 """
+# Ctrl-C while the import of Qt for Python runs Python
+IMPORTED = """
+import signal, sys
+def interrupt(frame, event, argument):
+    if "shibokensupport" in frame.f_code.co_filename:
+        sys.setprofile(None)
+        signal.raise_signal(signal.SIGINT)
+sys.setprofile(interrupt)
+print("begun", flush=True)
+import PySide6.QtCore
+while True:
+    pass
+"""
 # one long call of compiled code, during which Python calls no signal handler
 BUSY = "import hashlib" + CLEANUP.replace("time.sleep(60)", "hashlib.pbkdf2_hmac('sha256', b'', b'', 10**9)")
 
@@ -113,8 +126,9 @@ def test_ctrl_c_ends_a_command_quietly_if_a_library_changes_the_exception(
     assert process.returncode == INTERRUPTED
 
 
-def test_ctrl_c_does_not_crash_a_command_whose_kernel_returns(tmp_path: Path, environment: dict[str, str]) -> None:
-    with begun(ANY, CONVERTED, folder=tmp_path, environment=environment) as process:
+@pytest.mark.parametrize("code", [CONVERTED, IMPORTED], ids=["result of a kernel", "import of Qt"])
+def test_ctrl_c_does_not_crash_a_library(code: str, tmp_path: Path, environment: dict[str, str]) -> None:
+    with begun(ANY, code, folder=tmp_path, environment=environment) as process:
         assert process.communicate(timeout=HANG) == ("", "")
     assert process.returncode == INTERRUPTED
 
