@@ -37,6 +37,7 @@ _BAR = 16  # pixels, width of the colour bar with its frame
 _BESIDE = 6  # pixels between image and colour bar
 _RING, _HALO = (11, 1.5), (11, 4.5)  # pixels, size and line width of the cursor and of its contrasting border
 _MARGIN = 0.02  # around a polar image, share of its width
+_AROUND_ROOM = 0.25  # of its larger side
 _HEADINGS = -20.0, 380.0  # degrees, limits of the zoom of a flat image
 _ROUND = np.linspace(0.0, math.tau, 181)
 
@@ -269,6 +270,17 @@ class BScanView(QWidget):
             if kind in self.panes:
                 self._frame = self.panes[kind].fit(limit)
 
+    def _zoom_to_room(self, shown: Shown) -> None:
+        """Show polar images around the room; echoes by several reflections are farther away than its walls."""
+        room = shown.scene.room
+        if not self.settings.polar or room is None or not len(room.walls):
+            return
+        (left, bottom), (right, top) = (find(room.walls.reshape(-1, 2), axis=0).tolist() for find in (np.min, np.max))
+        area = QRectF(left, bottom, right - left, top - bottom)
+        around = _AROUND_ROOM * max(area.width(), area.height())
+        self._frame = area.adjusted(-around, -around, around, around)
+        self.panes[self.settings.panes[0]].plot.vb.setRange(self._frame, padding=0)
+
     def _keep_frame(self, pane: BScanPane, *_: object) -> None:
         """Remember what the user has zoomed to."""
         self._frame = pane.plot.vb.viewRect()
@@ -363,6 +375,7 @@ class BScanView(QWidget):
             if not self._zoomed or self._cells != bscan.rows.cells:
                 self._zoomed, self._cells = True, bscan.rows.cells
                 self._fit(initial_range(shown))
+                self._zoom_to_room(shown)
             self._drawn = shown.bscan_ref
         self.note.setText(_cursor_text(bscan, shown) or _note(bscan, self.settings, bool(shown.readings)))
         for kind in self.settings.panes:

@@ -250,6 +250,7 @@ def test_a_bscan_is_computed_while_it_is_visible_and_links_clicks_and_cursors(
     recorded_only.trigger()
     until(lambda: computed(window))
     (x, y), box = session.shown.scene.pose.position, view.panes[Pane.MEASURED].plot.vb
+    assert 0.742 < min(box.viewRect().width(), box.viewRect().height()) < 1.5  # around the room, 0.928 m by 0.742 m
     push(view.canvas.viewport(), at(Pane.MEASURED, x + 0.5 * math.cos(2.1), y + 0.5 * math.sin(2.1)))
     assert session.shown.chosen == 12  # 2.1 rad are 120.3°
     QApplication.processEvents()
