@@ -146,6 +146,7 @@ class ReflectanceTable:
 
 BoolArray = NDArray[np.bool_]
 
+_ON_SURFACE = 0.01  # m, about a wavelength: as near to a wall or post, sound is not that of rays
 _MOST_CORNERS = 2000  # of a chain: the test of inside and outside takes quadratic time
 _BESIDE = 1e-6  # of a wall's length: distance from a corner at which its air is tested
 
@@ -810,13 +811,20 @@ def room_doubts(room: Room) -> tuple[str, ...]:
 
 
 def place_doubts(room: Room, place: Place) -> tuple[str, ...]:
-    """Return a warning if a place is outside the room, or inside an object such as a box."""
+    """Return a warning if a place is outside the room, inside an object such as a box, or on a wall or post."""
     x, y = place.position
     where = f"place {place.name!r} at {x:g}, {y:g} m is"
     if room.is_outside(place.position) or room.is_far_from(place.position):
         return (f"{where} outside room {room.name!r}",)
     walls = object_around(room, place)
-    return () if walls is None else (f"{where} inside {object_name(room, walls)} of room {room.name!r}",)
+    if walls is not None:
+        return (f"{where} inside {object_name(room, walls)} of room {room.name!r}",)
+    point = np.array([place.position])
+    away = np.append(wall_distances(point, room.walls), np.hypot(*(room.posts[:, :2] - point).T) - room.posts[:, 2])
+    near = int(np.abs(away).argmin())
+    if abs(away[near]) >= _ON_SURFACE:
+        return ()
+    return (f"{where} {abs(away[near]) * 1e3:.0f} mm from {room.names[near]!r}: rays do not hold nearer than 10 mm",)
 
 
 def warn_of_poses(name: str, room: Room, positions: FloatArray, warn: Callable[[str], None] = arguments.emit) -> None:
