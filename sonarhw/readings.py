@@ -4,13 +4,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from enum import StrEnum
-from typing import Protocol, TypeAlias
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw import arguments
-from sonarhw.errors import InputError
+from sonarhw.errors import InputError, MissingExtra
 
 FloatArray: TypeAlias = NDArray[np.float64]
 BoolArray: TypeAlias = NDArray[np.bool_]
@@ -319,3 +319,27 @@ def unverified_clause(runs: Sequence[FloatArray]) -> str | None:
         f"{count} of {total} angles, from {math.degrees(doubtful[0]):.6g}° on, could not be checked for lost steps: "
         "the turntable had to home again"
     )
+
+
+class Table:
+    """A result with columns of equal length, as a table of pandas or xarray; the extra `study` installs both."""
+
+    def columns(self) -> dict[str, Any]:
+        """Return the columns by name, (n,) each."""
+        raise NotImplementedError
+
+    def to_dataframe(self) -> Any:
+        """Return `columns` as a pandas.DataFrame. Raises MissingExtra without the extra `study`."""
+        try:
+            import pandas
+        except ImportError as error:
+            raise MissingExtra("tables need pandas", "study") from error
+        return pandas.DataFrame(self.columns())
+
+    def to_xarray(self) -> Any:
+        """Return `columns` as an xarray.Dataset over their rows. Raises MissingExtra without the extra `study`."""
+        try:
+            import xarray
+        except ImportError as error:
+            raise MissingExtra("labelled arrays need xarray", "study") from error
+        return xarray.Dataset({name: ("row", values) for name, values in self.columns().items()})

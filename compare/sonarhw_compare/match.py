@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 from sonarhw_sim.air import Model
@@ -14,7 +15,7 @@ from sonarhw_sim.predict.prediction import PredictionOptions, predict_along, pre
 from sonarhw_sim.room.room import Place, Room
 
 from sonarhw.errors import in_degrees
-from sonarhw.readings import FloatArray, Origin, Reading
+from sonarhw.readings import FloatArray, Origin, Reading, Table
 
 # m, largest residual of a match; slightly over 5 cm, for boards that report whole centimetres
 TOLERANCE = 0.05 + 1e-9
@@ -78,7 +79,7 @@ class Summary:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Comparison(Table):
     """Every reading of a scan beside its prediction."""
 
     prediction: PredictedScan  # at exactly the readings' headings
@@ -90,6 +91,22 @@ class Comparison:
     def heading(self) -> float:
         """Heading of turntable step 0 in the room, rad."""
         return self.prediction.place.heading
+
+    def columns(self) -> dict[str, Any]:
+        """Return headings (degrees), measured and predicted ranges, residuals (m, NaN: none), classes and paths."""
+        numbers = np.array([(row.measured, row.predicted, row.residual) for row in self.rows], dtype=np.float64)
+        measured, predicted, residual = numbers.reshape(-1, 3).T
+        paths, room = self.prediction.paths, self.prediction.room
+        return {
+            "heading_deg": np.degrees([row.heading for row in self.rows]),
+            "measured_m": measured,
+            "predicted_m": predicted,
+            "residual_m": residual,
+            "class": np.array([row.kind.value for row in self.rows], dtype=object),
+            "via": np.array(
+                ["" if row.path is None else ">".join(paths.via(row.path, room)) for row in self.rows], dtype=object
+            ),
+        }
 
     def summary(self) -> Summary:
         """Return the figures of the whole scan."""

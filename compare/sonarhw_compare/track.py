@@ -21,7 +21,7 @@ from sonarhw_sim.room.room import Place, Room, load_room, place_at, warn_of_pose
 
 from sonarhw import arguments
 from sonarhw.errors import InputError, counted, counted_are, heading_text, in_degrees
-from sonarhw.readings import BoolArray, FloatArray, Reading, RobotPose, moved_by, step_between
+from sonarhw.readings import BoolArray, FloatArray, Reading, RobotPose, Table, moved_by, step_between
 from sonarhw_compare.fit.likelihood import ReadingNoise, ScanArrays
 from sonarhw_compare.fit.objective import Objective, Problem
 from sonarhw_compare.fit.parameters import free_parameters
@@ -67,7 +67,7 @@ def log_likelihood(
 
     Sound is followed from each position, or, with a `cell` (m), from the middle of each square cell with a pose in it:
     the paths are moved to the pose, which is exact as long as they meet the same walls. In the laboratory, half of the
-    values for 16 readings are then off by less than 0.04 for cells of 2 cm, 0.2 for 5 cm, and 2.5 for 10 cm. Raises
+    values for 16 readings are then off by less than 0.1 for cells of 2 cm, 0.2 for 5 cm, and 0.5 for 10 cm. Raises
     InputError.
     """
     likelihood = PoseLikelihood(_room(room), _board(board), cell, receiver)
@@ -363,7 +363,7 @@ _KNOWN, _KNOWN_TURN = 0.25, math.radians(30)  # standard deviations below which 
 
 
 @dataclass(frozen=True)
-class Track:
+class Track(Table):
     """The trajectory of a robot in a room, one row for each of n updates."""
 
     scan: str  # name
@@ -449,6 +449,10 @@ class Track:
             degrees = in_degrees(heading, 6), round(math.degrees(turn), 6)
             lengths = (round(value, 6) for value in (x, y))
             yield round(time, 6), *lengths, degrees[0], round(dx, 6), round(dy, 6), degrees[1], int(located)
+
+    def columns(self) -> dict[str, Any]:
+        """Return the columns of `csv`."""
+        return dict(zip(_COLUMNS, np.array([*self.rows()]).reshape(-1, len(_COLUMNS)).T, strict=True))
 
     def csv(self) -> str:
         """Return the trajectory as CSV, with a header."""

@@ -5,13 +5,13 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.errors import counted
-from sonarhw.readings import FloatArray, same_values
+from sonarhw.readings import FloatArray, Table, same_values
 from sonarhw_sim.air import Receiver, Unit
 from sonarhw_sim.board.beam import (
     BoolArray,
@@ -349,7 +349,7 @@ _FREQUENCIES = 25  # at which the reflections of a path are multiplied
 
 
 @dataclass(frozen=True, eq=False)
-class PredictedScan:
+class PredictedScan(Table):
     """The readings that a board is predicted to report. Scans are equal if all their values are equal."""
 
     room: Room
@@ -385,6 +385,20 @@ class PredictedScan:
     def ranges(self) -> FloatArray:
         """Reported range at each heading, (n,) float, m; NaN where there is no echo."""
         return self.board.reported(self.distances)
+
+    def columns(self) -> dict[str, Any]:
+        """Return headings (degrees), ranges and lengths of paths (m, NaN: no echo), their reflections and surfaces."""
+        echo, names = self.winners >= 0, np.full(len(self.headings), "", dtype=object)
+        names[echo] = [">".join(self.paths.via(path, self.room)) for path in self.winners[echo].tolist()]
+        # row -1, "no echo", selects the appended value
+        lengths, bounces = np.append(self.paths.lengths, np.nan), np.append(self.paths.bounces, 0)
+        return {
+            "heading_deg": np.degrees(self.headings),
+            "range_m": self.ranges,
+            "path_m": lengths[self.winners],
+            "bounces": bounces[self.winners],
+            "via": names,
+        }
 
     @cached_property
     def apparent_lengths(self) -> FloatArray:

@@ -1,6 +1,7 @@
 """A scan beside its prediction: classes, figures, echoes, regions and probabilities, on scans with known truth."""
 
 import math
+import sys
 from dataclasses import replace
 from itertools import permutations
 from statistics import NormalDist
@@ -30,6 +31,7 @@ from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
 from sonarhw_sim.predict.room_echoes import EXACT, RoomEchoes
 from sonarhw_sim.room.room import Place, load_room
 
+from sonarhw.errors import MissingExtra
 from sonarhw.readings import Ping, Reading
 from tests.fixtures.predicted_readings import readings_of
 from tests.fixtures.rooms_for_tests import polygon_room
@@ -252,3 +254,16 @@ def test_log_score_of_one_wall_and_a_normal_threshold() -> None:
     score = score_comparison(compared(board, math.nan, 1.503, math.nan))
     assert score.log_score == pytest.approx((2 * math.log(silent) + math.log(at)) / 3, abs=2e-3)
     assert score_comparison(compare_readings([], WALL, ORIGIN, board)).log_score is None
+
+
+def test_results_are_tables_of_pandas_and_xarray(monkeypatch: pytest.MonkeyPatch) -> None:
+    scan = predict_scan(ROOM, PLACE, NXT, np.radians([0.0, 90.0, 180.0]))
+    compared = compare_readings(readings_of(scan.headings, scan.ranges), ROOM, PLACE, NXT)
+    frame, predicted = compared.to_dataframe(), scan.to_dataframe()
+    assert frame["predicted_m"].to_list() == pytest.approx(scan.ranges.tolist(), nan_ok=True)
+    assert (frame["via"] == predicted["via"]).all()
+    assert set(frame["class"]) <= {"match", "both_silent"}
+    assert scan.to_xarray()["path_m"].sizes == {"row": 3}
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(MissingExtra, match="study"):
+        compared.to_dataframe()
