@@ -11,7 +11,7 @@ import re
 import sys
 import warnings
 from collections.abc import Callable, Sequence
-from typing import Annotated, Any, TextIO
+from typing import Annotated, Any, NamedTuple, TextIO
 
 import typer
 from sonarhw_sim.compilation import watch_compilation
@@ -34,7 +34,7 @@ _REWORDED = (
 
 def parser_message(error: typer.TyperException, arguments: Sequence[str]) -> str:
     """Return an error of the option parser. Without a command, it is the help, which begins with `Usage:`."""
-    return _with_argument_hint(_with_help(_reworded(error), error, arguments), arguments)
+    return _with_help(_reworded(error), error, arguments)
 
 
 def _reworded(error: typer.TyperException) -> str:
@@ -51,78 +51,143 @@ def _reworded(error: typer.TyperException) -> str:
     rejected = re.match(r"Invalid value for '([^']+)': (expected .*)", message)
     if rejected is None or not isinstance(error.__cause__, ValidationError):
         return message
-    return f"{rejected[1]} {error.__cause__.errors()[0]['input']}: {rejected[2]}"
+    given = str(error.__cause__.errors()[0]["input"])
+    unit = _UNIT.search(getattr(getattr(error, "param", None), "help", None) or "")
+    has_unit = re.match(r"-?[\d.]+ ?[^\d.\s]", given) is not None
+    return f"{rejected[1]} {given}: {rejected[2]}{f', in {unit[1]} and without a unit' if unit and has_unit else ''}"
 
 
-# words that other programs use, and the commands that do this
+# words that other programs use, by the command that does this
 _OTHER_WORDS = {
-    "analyse": "compare",
-    "analyze": "compare",
-    "connect": "info",
-    "convert": "import",
-    "devices": "ports",
-    "draw": "gui",
-    "edit": "gui",
-    "explain": "compare LOG --explain DEG",
-    "find": "locate",
-    "init": "room new",
-    "list": "ports",
-    "localise": "locate",
-    "localize": "locate",
-    "match": "compare",
-    "measure": "scan",
-    "open": "gui",
-    "play": "replay",
-    "plot": "compare LOG --plot PICTURE",
-    "predict": "simulate",
-    "read": "scan",
-    "record": "scan",
-    "run": "scan",
-    "show": "gui",
-    "simulator": "fake",
-    "start": "scan",
-    "test": "doctor",
-    "upload": "flash",
-    "version": "--version",
-    "view": "gui",
+    "compare": "analyse analyze match check-scan",
+    "compare A.mcap --with B.mcap": "diff difference differences",
+    "compare LOG --explain DEG": "explain why",
+    "compare LOG --plot PICTURE": "plot overlay",
+    "doctor": "diagnose selftest self-test test",
+    "fake": "emulate emulator mock simulator virtual",
+    "fit": "adjust optimise optimize",
+    "flash": "upload",
+    "gui": "display draw edit live load open show view viewer visualise visualize window",
+    "home": "zero",
+    "import": "convert",
+    "info": "connect settings status",
+    "locate": "find localisation localise localization localize pose position",
+    "log export": "csv dump save",
+    "log info": "inspect statistics stats summary",
+    "map": "combine merge slam",
+    "ports": "detect devices discover list search serial",
+    "ports --guess": "guess identify",
+    "profile list": "boards profiles sensors",
+    "replay": "play playback",
+    "room list": "rooms",
+    "room new": "init",
+    "scan": "acquire capture collect measure read record run start sweep",
+    "simulate": "predict raycast raytrace render",
+    "stop": "abort halt",
+    "track": "amcl mcl odometry",
+    "turn": "move pan rotate",
+    "--version": "version",
 }
-_AIR = "the air stands in the room file, in the table [air]"
-_DIRECTIONS = "the headings of a scan are --from, --to and --step, in degrees"
-_FILE = "the name of a file stands without an option before it"
-_POSE = "the place of the sensor is --place NAME or --place X,Y,DEG"
-_PICTURE = "the ending of --out chooses a picture, such as --out FILE.png"
-_SCANNER = "the URL of the scanner stands without an option before it, such as /dev/ttyUSB0 or COM3"
-# words that other programs use for options, and what the command expects instead
-_OTHER_OPTIONS = {
-    "angles": _DIRECTIONS,
-    "baud": "the rate stands in the URL, such as `lines:/dev/ttyUSB0?baud=9600&preset=NAME`",
-    "device": _SCANNER,
-    "file": _FILE,
-    "format": "the ending of --out chooses the format",
-    "headings": _DIRECTIONS,
-    "humidity": _AIR,
-    "input": _FILE,
-    "log": _FILE,
-    "param": "the quantities to fit are --free, such as --free heading",
-    "parameter": "the quantities to fit are --free, such as --free heading",
-    "port": _SCANNER,
-    "place": "the pose is searched; to search near a known position, give --near X,Y",
-    "plot": _PICTURE,
-    "pos": _POSE,
-    "pose": _POSE,
-    "position": _POSE,
-    "start": _DIRECTIONS,
-    "stop": _DIRECTIONS,
-    "temperature": _AIR,
-    "url": _SCANNER,
+# the same within a group such as `sonarhw room`
+_OTHER_WORDS_OF_GROUPS = {
+    "check": "describe info print show validate view",
+    "export": "convert csv dump save",
+    "import": "convert",
+    "info": "check describe print show stats view",
+    "list": "ls",
+    "new": "add create init make",
+    "recover": "fix repair",
 }
+
+
+class _Instead(NamedTuple):
+    """What to write in place of options of other programs."""
+
+    text: str  # it applies to commands with the options that it names
+    words: str
+    argument: str = ""  # the command needs one whose name contains this
+    option: str = ""  # as well as this option
+
+
+_POSITION = "initial initial-pose location pos pose position start-pose xy"
+_READ = "csv-file data file filename i in infile input log scan"
+# the first that applies to the command is printed
+_OTHER_OPTIONS = (
+    _Instead("the rate stands in the URL: `lines:/dev/ttyUSB0?baud=9600&preset=NAME`", "baud baudrate b rate", "URL"),
+    _Instead("the rate stands in the URL: `lines:/dev/ttyUSB0?baud=9600&preset=NAME`", "speed", "URL"),
+    _Instead(
+        "the URL of the scanner stands without an option before it, such as /dev/ttyUSB0 or COM3",
+        "address com device host live p port serial tty url",
+        "URL",
+    ),
+    _Instead("its address is --tcp HOST:PORT", "address host listen p port"),
+    _Instead(
+        "the headings of a scan are --from, --to and --step, in degrees",
+        "angle angles begin degrees end fov headings increment max-angle min-angle range resolution sector start stop",
+    ),
+    _Instead("the angle between readings is --step, in degrees", "angle-step increment resolution"),
+    _Instead("the number of sweeps is --sweeps", "count loops n number repeat repeats scans times turns"),
+    _Instead("the air stands in the room file, in the table [air]", "air humidity temp temperature", "ROOM"),
+    _Instead("the unit stands in the URL: `lines:/dev/ttyUSB0?preset=NAME&unit=cm`", "unit units", "URL"),
+    _Instead("pings at each heading are --pings", "average averages mean repetitions samples shots"),
+    _Instead("the farthest range is --max-range, in metres", "limit max-dist max-distance maximum"),
+    _Instead("the time for reconnecting is --reconnect, in seconds", "timeout wait"),
+    _Instead("the heading is the third number of --place X,Y,DEG", "dir direction heading orientation theta yaw"),
+    _Instead("reflections are --max-bounces", "bounces order reflections"),
+    _Instead("all reflections that the board can detect are followed", "bounces max-bounces order reflections", "ROOM"),
+    _Instead("the other scan is --with LOG", "against baseline log2 other reference second"),
+    _Instead("what --free does not name is fixed", "constant fix fixed hold keep"),
+    _Instead("the speed is --speed, such as --speed 2", "factor fast rate"),
+    _Instead("clockwise angles are --turn cw", "clockwise cw flip invert reverse"),
+    _Instead("the columns are --heading NAME and --range NAME", "angle-col angle-column angles column columns cols"),
+    _Instead(
+        "the unit of the ranges is --unit, such as --unit cm", "cm ft in inches m mm range-unit", option="--scale"
+    ),
+    _Instead("the unit of the angles is --angle, such as --angle rad", "deg degrees rad radians"),
+    _Instead(
+        "separators and lines before the header are recognised",
+        "delimiter header sep separator skip skip-header skip-rows skiprows",
+        option="--decimal-comma",
+    ),
+    _Instead(
+        "the quantities to fit are --free, such as --free heading", "param params parameter parameters variables vary"
+    ),
+    _Instead("the start is --start NAME or --start X,Y,DEG", f"at near place {_POSITION}"),
+    _Instead("the place of the sensor is --place NAME or --place X,Y,DEG", f"at sensor-position x y {_POSITION}"),
+    _Instead(
+        "the whole room is searched; `sonarhw fit` starts from a known place",
+        f"at guess place start {_POSITION}",
+        option="--heading-sd",
+    ),
+    _Instead("the room stands without an option before it", "env environment map plan room world", "ROOM"),
+    _Instead("the room is --room NAME or --room FILE.toml", "env environment map plan world"),
+    _Instead("the board is --board NAME or --board FILE.toml", "device-profile profile sensor transducer"),
+    _Instead("the board profile contains it; --board FILE.toml", "aperture beam beamwidth blanking frequency gain"),
+    _Instead("its size is --size WxD in metres, such as --size 3.2x2.4", "depth dimensions height length width"),
+    _Instead("a reading matches within 5 cm, which is fixed", "threshold tolerance within", option="--find-missing"),
+    _Instead("processes are --workers N", "cores j jobs n-jobs processes threads"),
+    _Instead("an existing file is replaced with --force", "f overwrite replace y yes"),
+    _Instead("`sonarhw gui` opens it in the window", "display show view", "LOG"),
+    _Instead("a picture is --plot FILE.png", "display draw figure image o out output picture png save-plot show"),
+    _Instead(
+        "the ending of --out chooses what is written",
+        "csv display figure format html image npz pdf picture plot png show svg",
+    ),
+    _Instead("the name of the file stands without an option before it", _READ, "LOG"),
+    _Instead("the name of the file stands without an option before it", _READ, "FILE"),
+    _Instead("the file to write is --out", "file filename log o save save-as to write"),
+)
 _ALIKE = 0.75  # similarity of an option that is proposed; below, it is another word
-_GLOBAL = ("--quiet", "-q", "--verbose")
+_MOST_LISTED = 6  # options of a command with few
+_GLOBAL = {"debug": "--verbose", "quiet": "--quiet", "q": "-q", "silent": "--quiet", "verbose": "--verbose"}
 _OF_A_FILE = {"log": "info", "profile": "check", "room": "check"}  # the command of a group that describes a file
+_UNIT = re.compile(r"\b(degrees|metres|seconds|Hz)\b")
 
 
 def _with_help(message: str, error: typer.TyperException, arguments: Sequence[str]) -> str:
     """Return the message with what to write instead, or with the command that lists arguments and options."""
+    if without := re.fullmatch(r"Option '([^']+)' requires an argument\.", message):
+        return f"{without[1]}: expected a value, as in `{_written_of(without[1], arguments)}`"
     context = getattr(error, "ctx", None)
     if context is None:
         return message
@@ -131,29 +196,62 @@ def _with_help(message: str, error: typer.TyperException, arguments: Sequence[st
     if meant := _meant(message, context, arguments):
         # an unknown command may be followed by the names of similar ones
         return f"{message.partition('. Did you mean')[0].rstrip('.')}; did you mean `{meant}`?"
-    if message.startswith("Missing "):
+    if message.startswith("Got unexpected "):
+        return _about_extra(message.rstrip("."), context, arguments)
+    if message.startswith("Missing ") or getattr(getattr(error, "param", None), "param_type_name", "") == "argument":
         return f"{message.rstrip('.')}; expected `{_usage(context)}`; see `{context.command_path} --help`"
-    if message.endswith("?") or not message.startswith(("No such ", "Got unexpected ")):
+    if message.endswith("?") or not message.startswith("No such "):
         return message
     return f"{message.rstrip('.')}; see `{context.command_path} --help`"
 
 
 def _about_option(message: str, context: typer.Context, arguments: Sequence[str]) -> str:
     """Return the message about an unknown option, with the one that it probably means or what to write instead."""
-    names = sorted({name for parameter in context.command.params for name in parameter.opts})
-    word = message.removeprefix("No such option: ").partition(" (")[0]
+    parameters = [parameter for parameter in context.command.params if parameter.param_type_name == "option"]
+    names = sorted({name for parameter in parameters for name in parameter.opts})
+    option = message.removeprefix("No such option: ").partition(" (")[0]
+    word, message = option.lstrip("-"), f"No such option: {option}"
     # -room is read as the option -r
-    written = next((f"-{argument}" for argument in arguments if f"-{argument}" in names), "")
-    similar = [written] if written else difflib.get_close_matches(word, names, cutoff=_ALIKE)
-    if word in _GLOBAL:
+    written = [f"-{argument}" for argument in arguments if f"-{argument}" in names]
+    if word in _GLOBAL and context.parent is not None:
         name = context.command_path.partition(" ")[2]
-        return f"No such option: {word}; it stands before the command: `sonarhw {word} {name}`"
-    instead = _OTHER_OPTIONS.get(word.lstrip("-"), "")
-    if instead and all(option in names for option in re.findall(r"--[a-z]+", instead)):
-        return f"No such option: {word}; {instead}; see `{context.command_path} --help`"
-    if similar:
-        return f"No such option: {word}; did you mean {' or '.join(f'`{name}`' for name in similar)}?"
-    return f"No such option: {word}; see `{context.command_path} --help`"
+        return f"{message}; it stands before the command: `sonarhw {_GLOBAL[word]} {name}`"
+    if not written and (instead := _instead(word, context)):
+        return f"{message}; {instead}; see `{context.command_path} --help`"
+    longer = [name for name in names if len(word) > 2 and name.startswith(option)]
+    if similar := written or longer or difflib.get_close_matches(option, names, cutoff=_ALIKE):
+        return f"{message}; did you mean {' or '.join(f'`{name}`' for name in similar)}?"
+    if others := [path for path, command in _all_commands(context) if any(option in p.opts for p in command.params)]:
+        having = "`, `".join(others[:3])
+        return f"{message}; it is an option of `{having}`; see `{context.command_path} --help`"
+    if 0 < len(names) <= _MOST_LISTED:
+        return f"{message}; its options: {', '.join(names)}"
+    return f"{message}; see `{context.command_path} --help`"
+
+
+def _instead(word: str, context: typer.Context) -> str:
+    """Return what a command expects in place of an option of other programs, or an empty text."""
+    parameters = context.command.params
+    names = {name for parameter in parameters for name in parameter.opts}
+    given = " ".join(str(p.metavar or p.name).upper() for p in parameters if p.param_type_name == "argument")
+    for instead in _OTHER_OPTIONS:
+        needed = {*re.findall(r"--[a-z-]+", instead.text), *filter(None, (instead.option,))}
+        if word in instead.words.split() and instead.argument in given and needed <= names:
+            return instead.text
+    return ""
+
+
+def _all_commands(context: typer.Context) -> list[tuple[str, Any]]:
+    """Return all commands by how they are written, but the hidden ones."""
+    root = context.find_root()
+    waiting, known = [(root.command_path, root.command)], []
+    for path, command in waiting:
+        parts = getattr(command, "commands", None)
+        if parts is None:
+            known.append((path, command))
+        else:
+            waiting.extend((f"{path} {name}", part) for name, part in parts.items() if not part.hidden)
+    return known
 
 
 def _meant(message: str, context: typer.Context, arguments: Sequence[str]) -> str:
@@ -162,39 +260,82 @@ def _meant(message: str, context: typer.Context, arguments: Sequence[str]) -> st
     if unknown is None:
         return ""
     word, path = unknown[1], context.command_path
+    groups: dict[str, Any] = getattr(context.command, "commands", {})
     if word == "help":
         return " ".join([path, *arguments[arguments.index(word) + 1 :], "--help"])
-    groups: dict[str, Any] = getattr(context.command, "commands", {})
+    if context.parent is not None:
+        return _meant_in_group(word, context, arguments, groups, "Did you mean" in message)
     if group := next((name for name, group in groups.items() if word in getattr(group, "commands", {})), ""):
         return f"{path} {group} {word}"
-    if context.parent is None:
-        return f"{path} {_OTHER_WORDS[word]}" if word in _OTHER_WORDS else ""
-    describes = _OF_A_FILE.get(context.info_name or "")
-    return f"{path} {describes} {word}" if describes and "Did you mean" not in message else ""
+    words = {other: command for command, others in _OTHER_WORDS.items() for other in others.split()}
+    similar = [] if "Did you mean" in message else difflib.get_close_matches(word, words, n=1, cutoff=_ALIKE)
+    return f"{path} {words[word if word in words else similar[0]]}" if word in words or similar else ""
+
+
+def _meant_in_group(
+    word: str, context: typer.Context, arguments: Sequence[str], commands: dict[str, Any], has_similar: bool
+) -> str:
+    """Return the command of a group that an unknown one probably means: another word for it, or a name of a file."""
+    path = context.command_path
+    for name, others in _OTHER_WORDS_OF_GROUPS.items():
+        if name in commands and word in others.split():
+            return f"{path} {name}"
+    later = next((argument for argument in arguments[arguments.index(word) + 1 :] if argument in commands), "")
+    describes = later or _OF_A_FILE.get(context.info_name or "")
+    return f"{path} {describes} {word}" if describes and not has_similar else ""
 
 
 def _usage(context: typer.Context) -> str:
     """Return a command with its arguments and required options, as `sonarhw scan URL --out LOG.mcap`."""
     pieces = [piece for piece in context.command.collect_usage_pieces(context) if piece != "[OPTIONS]"]
-    for option in context.command.params:
-        if option.param_type_name == "option" and option.required:
-            names, _ = option.get_help_record(context) or ("", "")
-            pieces.append(options.plain(option, names))
-    return " ".join([context.command_path, *pieces])
+    required = [option for option in context.command.params if option.param_type_name == "option" and option.required]
+    return " ".join([context.command_path, *pieces, *(_written_option(option, context) for option in required)])
+
+
+def _written_option(option: Any, context: typer.Context) -> str:
+    """Return an option with its value, as `--out LOG.mcap`."""
+    names, _ = option.get_help_record(context) or ("", "")
+    return options.plain(option, names)
+
+
+def _written_of(name: str, arguments: Sequence[str]) -> str:
+    """Return an option of the command that is run with its value. The parser's error does not contain the command."""
+    command: Any = typer.main.get_command(app)
+    for argument in arguments:
+        command = getattr(command, "commands", {}).get(argument, command)
+    context = typer.Context(command)
+    return next((_written_option(option, context) for option in command.params if name in option.opts), name)
+
+
+def _about_extra(message: str, context: typer.Context, arguments: Sequence[str]) -> str:
+    """Return the message about an argument too many, with how to write a place, a size, a room or a second log."""
+    names = {name for parameter in context.command.params for name in parameter.opts}
+    extra = message.removesuffix(")").rpartition("(")[2].split(" ")[0]
+    is_number = re.fullmatch(r"-?[\d.]+", extra) is not None
+    before = arguments[arguments.index(extra) - 1] if extra in arguments else ""
+    known = f"{message}; expected `{_usage(context)}`; see `{context.command_path} --help`"
+    if is_number and "--size" in arguments:
+        return f"{known}; write WxD without a space, such as --size 3.2x2.4"
+    if before.endswith(",") or (is_number and re.fullmatch(r"-?[\d.,]+", before)):
+        return f"{known}; write X,Y without a space"
+    room = next((name for name in arguments if _is_room(name)), "")
+    if room and "--room" in names and "--room" not in arguments:
+        return f"{known}; give the room with `--room {room}`"
+    if "compare" in arguments:
+        return f"{known}; to compare two logs, use `sonarhw compare A.mcap --with B.mcap`"
+    if "--place" in names and "--place" not in arguments and re.fullmatch(r"[a-z]\w*", extra):
+        return f"{known}; give a place with `--place {extra}`"
+    return known
 
 
 def _with_argument_hint(message: str, arguments: Sequence[str]) -> str:
-    """Return the message with how to write X,Y, a room or a second log if there is an argument too many."""
-    is_extra = message.startswith("Got unexpected extra argument")
-    has_comma = any(argument.endswith(",") for argument in arguments)
-    is_number = "--place" in arguments and re.search(r"\(-?[\d.]+\)", message) is not None
-    if (is_extra and (has_comma or is_number)) or (message.startswith("--place: expected one for each") and has_comma):
+    """Return the message of a command with how to write a pair or a list if it is written with a space."""
+    is_count = message.startswith("--place: expected one for each")
+    if is_count and any(word.endswith(",") for word in arguments):
         return f"{message}; write X,Y without a space"
-    room = next((name for name in arguments if is_extra and _is_room(name)), "")
-    if room and "--room" not in arguments and {"compare", "replay"} & set(arguments):
-        return f"{message}; give the room with `--room {room}`"
-    if is_extra and "compare" in arguments:
-        return f"{message}; to compare two logs, use `sonarhw compare A.mcap --with B.mcap`"
+    has_word = "fit" in arguments and re.search(r" --free \S+ [a-z_]+( |$)", " ".join(arguments)) is not None
+    if ("fit" in arguments and re.match(r"[a-z_]+: no such file", message)) or (is_count and has_word):
+        return f"{message}; the quantities to fit are --free NAME,NAME without a space"
     return message
 
 

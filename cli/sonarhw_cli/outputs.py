@@ -200,6 +200,7 @@ def _files_read(given: str) -> list[Path]:
 
 _PARTS = 100  # of a bar that shows a share
 _COMPILING = "Compiling the ray kernels, once per installation…"
+_KERNELS_A_LINE = 20
 _shown: list["Progress"] = []  # at most one bar: a second one would be drawn over it
 _interjections: list[str] = []  # shown instead of the word for the work in progress
 
@@ -252,18 +253,18 @@ def progress_of_fit(fit: str) -> Iterator[Callable[[float], None]]:
 
 
 class CompilationProgress(Watcher):
-    """Shows a progress bar while kernels are compiled; a single line if standard error is not a terminal."""
+    """Shows a progress bar while kernels are compiled; lines if standard error is not a terminal."""
 
     def __init__(self) -> None:
-        self._announced = False
+        self._next_line = 0  # number of compiled kernels
         self._bar = ExitStack()
         self._show: Callable[[int], None] | None = None
 
     def compiling(self, done: int, known: int) -> None:
-        """Show the bar, or print the line at the first call."""
-        if not (self._announced or sys.stderr.isatty()):
-            self._announced = True
-            print_note(f"sonarhw: {_COMPILING}")
+        """Show the bar, or print a line at the first call and each time that many more kernels are compiled."""
+        if not sys.stderr.isatty() and done >= self._next_line:
+            print_note(f"sonarhw: {_COMPILING} {f'{done} of {known}' if self._next_line else ''}")
+            self._next_line = done + _KERNELS_A_LINE
         if self._show is None:
             self._show = self._bar.enter_context(_interjected(known, _COMPILING))
         self._show(done)

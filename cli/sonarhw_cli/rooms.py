@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 REFUSED = 2  # exit status
-NewRoomFile = Annotated[Path, typer.Argument(help="File to create.", metavar="[NAME.toml]")]
+NewRoomFile = Annotated[Path, typer.Argument(help="File to create.", metavar="NAME.toml")]
 
 room_app = CommandList(help="List, write, import and check room files.", no_args_is_help=True)
 

@@ -59,11 +59,14 @@ def free_parameters(free: Sequence[str], scans: Sequence[str], room: Room, board
     return tuple(parameters.values())
 
 
+_OTHER_WORDS = {"angle": "heading", "bearing": "heading", "place": "position", "pose": "position", "yaw": "heading"}
+
+
 def quantities_of(word: str) -> tuple[quantities.Quantity, ...]:
     """Return the quantities of a word such as `position` or `wall:east`. Raises InputError for unknown words."""
     head = word.strip().partition(":")[0]
     if head not in quantities.WORDS:
-        hint = did_you_mean(head, quantities.WORDS) or ";"
+        hint = did_you_mean(_OTHER_WORDS.get(head, head), quantities.WORDS) or ";"
         raise InputError(f"free {word}: unknown quantity{hint} expected some of {', '.join(quantities.WORDS)}")
     return quantities.WORDS[head]
 

@@ -810,12 +810,18 @@ def room_doubts(room: Room) -> tuple[str, ...]:
     return tuple(doubts)
 
 
+_PROBABLY_CENTIMETRES = 20  # a coordinate outside the room
+
+
 def place_doubts(room: Room, place: Place) -> tuple[str, ...]:
     """Return a warning if a place is outside the room, inside an object such as a box, or on a wall or post."""
     x, y = place.position
     where = f"place {place.name!r} at {x:g}, {y:g} m is"
     if room.is_outside(place.position) or room.is_far_from(place.position):
-        return (f"{where} outside room {room.name!r}",)
+        metres = (x / 100, y / 100)
+        is_far = max(abs(x), abs(y)) >= _PROBABLY_CENTIMETRES and not room.is_outside(metres)
+        hint = f"; if these are centimetres, it is at {x / 100:g}, {y / 100:g} m" if is_far else ""
+        return (f"{where} outside room {room.name!r}{hint}",)
     walls = object_around(room, place)
     if walls is not None:
         return (f"{where} inside {object_name(room, walls)} of room {room.name!r}",)

@@ -133,12 +133,13 @@ def test_the_first_command_says_that_it_compiles_and_the_second_does_not(
     assert on_terminal[1] == ""
 
 
-def test_without_a_terminal_one_line_says_that_it_compiles(capsys: pytest.CaptureFixture[str]) -> None:
+def test_without_a_terminal_few_lines_say_that_it_compiles(capsys: pytest.CaptureFixture[str]) -> None:
     shown = CompilationProgress()
-    for done in range(3):
-        shown.compiling(done, 5)
+    for done in range(30):
+        shown.compiling(done, 50)
         shown.compiled()
-    assert capsys.readouterr().err == "sonarhw: Compiling the ray kernels, once per installation…\n"
+    line = "sonarhw: Compiling the ray kernels, once per installation…"
+    assert capsys.readouterr().err == f"{line}\n{line} 20 of 50\n"
 
 
 def test_compilation_during_other_work_replaces_its_word(monkeypatch: pytest.MonkeyPatch) -> None:
