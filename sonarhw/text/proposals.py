@@ -889,7 +889,7 @@ def _escaped(text: str) -> str:
 
 def _as_preset(layout: Layout, lines: list[str], reach: _Unit, angle: _Unit) -> Layout:
     """Return the layout as a preset where one reads the same lines."""
-    if layout.ends in (".", "#") and layout.pattern in ("{deg},{range}", "{deg}*{range}"):
+    if layout.pattern + layout.ends in ("{deg},{range}.", "{deg}*{range}.", "{deg},{range}#", "{deg}*{range}#"):
         return replace(layout, preset="arduino-radar", pattern="", ends="", unit=None)
     if reach.unit is not None and sum(bool(ANGLE_DISTANCE.fullmatch(line)) for line in lines) >= 0.8 * len(lines):
         return replace(layout, preset="angle-distance", pattern="")
@@ -983,7 +983,8 @@ def _roles(columns: list[list[float]], labels: list[_Label]) -> _Roles | str:
 
 def _radar_roles(literals: tuple[str, ...], columns: list[list[float]], ends: str) -> _Roles | None:
     """Return the roles of the sketch "Arduino radar", which prints `90,23.`; None for other text."""
-    if ends not in (".", "#") or [literal.strip() for literal in literals] not in (["", ",", ""], ["", "*", ""]):
+    first, *between, last = (literal.strip() for literal in literals)
+    if first or ends + last not in (".", "#") or between not in ([","], ["*"]):
         return None
     angle, distance = (sweeps(column) for column in columns)
     plausible = min(columns[0]) >= 0 and max(columns[0]) <= 360
