@@ -119,7 +119,7 @@ def print_turned(answer: FoundRoom, first: Place, farthest: float, marked: Seque
         f"{_walls_text(_turned(answer, first, written))}"
     )
     turns = np.radians(np.arange(-math.degrees(farthest), math.degrees(farthest), 0.1)).tolist()
-    counts = [len(set(_names(_turned(answer, first, turn))) - {None}) for turn in turns]
+    counts = [len(set(wall_names(_turned(answer, first, turn))) - {None}) for turn in turns]
     best = [turn for turn, count in zip(turns, counts, strict=True) if count == max(counts)]
     turn = best[len(best) // 2]  # the middle one of the best
     print(
@@ -148,13 +148,13 @@ def _turned(answer: FoundRoom, first: Place, turn: float) -> FloatArray:
     return turned.reshape(-1, 4)
 
 
-def _names(segments: FloatArray) -> list[str | None]:
+def wall_names(segments: FloatArray) -> list[str | None]:
     """Return the wall of the arena within 3 cm and 2° of each found wall (n, 4) m."""
     return [_true_wall(ends, ON_FOUND, TURNED) for ends in segments.reshape(-1, 2, 2)]
 
 
 def _walls_text(segments: FloatArray) -> str:
-    names = _names(segments)
+    names = wall_names(segments)
     true = sorted({name for name in names if name})
     return (
         f"{len(true)} of {len(ROOM.walls)} walls within 3 cm and 2° ({', '.join(true)}), "

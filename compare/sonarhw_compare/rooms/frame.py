@@ -18,13 +18,13 @@ from sonarhw.readings import FloatArray, angle_difference
 from sonarhw_compare.arcs import OTHER_PLACE, POSSIBLE, Arc, arcs_of
 from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_compare.locate import WRITTEN, PoseSpread, determine_headings
-from sonarhw_compare.rooms.draft import RoomDraft
+from sonarhw_compare.rooms.draft import RoomDraft, long_direction
 from sonarhw_compare.rooms.evidence import Evidence
 
 # Headings of all scans together.
 
 
-SOLVED = math.radians(10)  # standard deviation of a solved heading; in real scans, errors up to 20°
+SOLVED = math.radians(7)  # standard deviation of a solved heading; in real scans, errors up to 20°
 _SURE = 0.03  # of the agreement with each other scan, by which a heading is better than those over 30° away
 _COUNT = 180  # headings, 2° apart
 _CELL, _BLUR = 0.03, 0.04  # m: step of distances, and standard deviation of a range
@@ -195,14 +195,16 @@ def _tops(agreement: FloatArray) -> list[tuple[int, int]]:
     return tops
 
 
-# The room turned and moved as a whole: no range shows this, so only what is known of the poses decides it.
+# The room turned and moved as a whole: no range shows this, so only what is known of the poses decides it. Who writes
+# positions down mostly measures them along walls, so walls are expected along the axes.
 
 
 _TURNS = np.radians(np.arange(-30.0, 30.01, 0.05))
+_ALONG_AXES, _AXIS_SD = 0.8, math.radians(0.7)  # probability, and standard deviation of the walls from the axes
 
 
 def in_frame(evidence: Evidence, draft: RoomDraft) -> RoomDraft:
-    """Return the draft turned and moved as a whole to where its places are most probable.
+    """Return the draft turned and moved as a whole to where its places and the directions of walls are most probable.
 
     A pose of which position or heading is exact fixes the draft, and so do walls of a first draft.
     """
@@ -220,5 +222,14 @@ def in_frame(evidence: Evidence, draft: RoomDraft) -> RoomDraft:
     rotations = np.array([[[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]] for turn in _TURNS])
     away = np.einsum("tij,sj->tsi", rotations, found - middle) - (written - target)
     losses = (away**2).sum(axis=2) @ weights + (((_TURNS[:, None] + turned) / by_turn) ** 2).sum(axis=1)
+    if draft.walls:
+        losses -= 2 * _log_along_axes(long_direction(draft) + _TURNS)
     turn = float(_TURNS[int(losses.argmin())])
     return draft.turned(turn, (float(middle[0]), float(middle[1])), (float(target[0]), float(target[1])))
+
+
+def _log_along_axes(directions: FloatArray) -> FloatArray:
+    """Return the logarithm of the prior of the direction of the walls of a room (rad), (n,)."""
+    away = np.remainder(directions + math.pi / 4, math.pi / 2) - math.pi / 4
+    along = np.exp(-0.5 * (away / _AXIS_SD) ** 2) / (_AXIS_SD * math.sqrt(math.tau))
+    return np.asarray(np.log(_ALONG_AXES * along + (1 - _ALONG_AXES) / (math.pi / 2)))

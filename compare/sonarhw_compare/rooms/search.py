@@ -22,7 +22,17 @@ from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_compare.locate import Located, Pose, PoseSpread, locate_scan
 from sonarhw_compare.processes import LateProcesses
 from sonarhw_compare.rooms import candidates
-from sonarhw_compare.rooms.draft import SPREAD, DraftEnd, DraftPost, DraftWall, RoomDraft, common_angle, oblique, pulls
+from sonarhw_compare.rooms.draft import (
+    SPREAD,
+    DraftEnd,
+    DraftPost,
+    DraftWall,
+    RoomDraft,
+    common_angle,
+    long_direction,
+    oblique,
+    pulls,
+)
 from sonarhw_compare.rooms.evidence import (
     FINE,
     FOLLOWED,
@@ -231,7 +241,7 @@ def squared_together(evidence: Evidence, best: Scored) -> Scored:
     Several short walls can be wrong by the same angle, of which none is more likely at another one alone.
     """
     draft = centred(best.draft)
-    angle = _long_direction(draft)
+    angle = long_direction(draft)
     for key, wall in draft.walls.items():
         away = math.remainder(wall.angle - angle, math.pi / 2)
         if abs(away) < _TOGETHER:
@@ -240,16 +250,6 @@ def squared_together(evidence: Evidence, best: Scored) -> Scored:
         return best
     squared_draft = refined(evidence, draft, ROUGH, _SQUARING_STEPS)
     return squared_draft if squared_draft.score > best.score else best
-
-
-def _long_direction(draft: RoomDraft) -> float:
-    """Return the mean direction of all walls, rad, where those at right angles have the same.
-
-    Each counts by the cube of its length, to which the information of touches along it is proportional.
-    """
-    angles = np.array([wall.angle for wall in draft.walls.values()])
-    lengths = np.array([last - first for first, last in map(draft.extent, draft.walls)])
-    return float(np.angle((lengths**3 * np.exp(4j * angles)).sum())) / 4
 
 
 def _turned(wall: DraftWall, about: tuple[float, float], angle: float) -> DraftWall:
@@ -324,7 +324,6 @@ def _in_one(draft: RoomDraft, key: int, other: int) -> RoomDraft:
 
 # shares of growth that are done after each of its rounds, the rest is for oblique walls; share of a search after growth
 _ROUNDS_DONE, _SEARCHED_DONE = (0.72, 0.83, 0.89), 0.9
-_WIDE_HEADING = math.radians(3)  # standard deviation of a heading that is refined by all readings during the growth
 _REGROWN = 2  # times that walls grow in place of those that no range determines
 LARGE = 500  # searches of the paths of a scan, some seconds, after which a search is so large that processes pay
 _ROOM_STEPS, _LAST_STEPS = 4, 8  # of a refinement
@@ -449,18 +448,13 @@ def _searched(evidence: Evidence, begin: RoomDraft) -> RoomDraft:
         longer = pruned(evidence, grown(evidence, best))
         if longer.draft == best.draft:
             break
-        best = refined(evidence, longer.draft, ROUGH, _ROOM_STEPS, with_headings=_has_wide_headings(evidence))
-        best = scored(evidence, in_frame(evidence, best.draft))
+        best = scored(evidence, in_frame(evidence, refined(evidence, longer.draft, ROUGH, _ROOM_STEPS).draft))
         best = squared(evidence, best)
         best = with_parts_joined(evidence, pruned(evidence, best))
         best = _cut_back(evidence, candidates.with_better_ends(evidence, best))
         best = candidates.with_free_ends_moved(evidence, best)
     evidence.progress.begin(1.0)
     return rebuilt(evidence, best).draft
-
-
-def _has_wide_headings(evidence: Evidence) -> bool:
-    return any(spread.heading > _WIDE_HEADING for spread in evidence.spreads)
 
 
 def rebuilt(evidence: Evidence, best: Scored) -> Scored:
@@ -494,7 +488,8 @@ def _finished(evidence: Evidence, best: Scored) -> tuple[RoomDraft, dict[Move, f
     kept = in_frame(evidence, pruned(evidence, best).draft)
     draft = squared_together(evidence, refined(evidence, kept, ROUGH, _ROOM_STEPS)).draft
     draft = in_frame(evidence, refined(evidence, draft, FINE, _LAST_STEPS, with_headings=True).draft)
-    return _clear(evidence, *determined(evidence, draft))
+    draft, deviations = _clear(evidence, *determined(evidence, draft))
+    return in_frame(evidence, draft), deviations
 
 
 def _clear(evidence: Evidence, draft: RoomDraft, deviations: dict[Move, float]) -> tuple[RoomDraft, dict[Move, float]]:
