@@ -197,7 +197,7 @@ def text_scan(
     stated_turn = meaning.sign or 0.0
     proposal = LayoutProposal() if layout else propose(data, begins_whole=True, known=stated)
     if layout is None:
-        layout = _decided(where, proposal)
+        layout = _decided(where, proposal, stated is not None and stated.columns is not None)
         meaning = replace(meaning, sign=_sign(meaning.sign, layout, proposal.clockwise))
     decoder = make_decoder(layout, begins_whole=True)
     unit = UnitChoice()
@@ -284,17 +284,17 @@ def _content(file: Path) -> bytes:
     return data
 
 
-def _decided(where: str, proposal: LayoutProposal) -> Layout:
+def _decided(where: str, proposal: LayoutProposal, names_columns: bool) -> Layout:
     """Return the layout of a proposal. Raises InputError with what is undecided."""
     if proposal.layout is not None and not proposal.questions:
         return proposal.layout
     if proposal.questions:
         raise InputError(f"{where}: {'; '.join(proposal.questions)}")
     example = f", such as {proposal.example!r}" if proposal.example else ""
-    raise InputError(
-        f"{where}: no readings were recognised in the text{example}; give a pattern, the names of the columns, or the "
-        "format; `sonarhw import --help` lists them"
-    )
+    hint = "give a pattern, the names of the columns, or the format; `sonarhw import --help` lists them"
+    if names_columns:
+        hint = "leave the columns out, then they are proposed, or remove the lines above the table"
+    raise InputError(f"{where}: no readings were recognised in the text{example}; {hint}")
 
 
 @dataclass(frozen=True)
