@@ -343,5 +343,6 @@ def show_import_dialog(window: MainWindow, album: Album) -> None:
     dialog.fields["no_echo"].setText("255")
     dialog.fields["turn"].setCurrentText("clockwise")
     until(dialog.import_button.isEnabled)
+    pause(100)  # the layout follows
     album.keep(dialog, "import")
     dialog.close()
