@@ -11,6 +11,8 @@ import re
 import sys
 import warnings
 from collections.abc import Callable, Sequence
+from itertools import islice
+from pathlib import Path
 from typing import Annotated, Any, NamedTuple, TextIO
 
 import typer
@@ -66,13 +68,13 @@ _OTHER_WORDS = {
     "doctor": "diagnose selftest self-test test",
     "fake": "emulate emulator mock simulator virtual",
     "fit": "adjust optimise optimize",
-    "flash": "upload",
-    "gui": "display draw edit live load open show view viewer visualise visualize window",
+    "flash": "burn program update upgrade upload",
+    "gui": "chart display draw edit graph live load open show view viewer visualise visualize window",
     "home": "zero",
     "import": "convert",
     "info": "connect settings status",
     "locate": "find localisation localise localization localize pose position",
-    "log export": "csv dump save",
+    "log export": "csv dump extract save",
     "log info": "inspect statistics stats summary",
     "map": "combine merge slam",
     "ports": "detect devices discover list search serial",
@@ -81,7 +83,7 @@ _OTHER_WORDS = {
     "replay": "play playback",
     "room list": "rooms",
     "room new": "init",
-    "scan": "acquire capture collect measure read record run start sweep",
+    "scan": "acquire capture collect get measure read record run start sweep",
     "simulate": "predict raycast raytrace render",
     "stop": "abort halt",
     "track": "amcl mcl odometry",
@@ -90,7 +92,7 @@ _OTHER_WORDS = {
 }
 # the same within a group such as `sonarhw room`
 _OTHER_WORDS_OF_GROUPS = {
-    "check": "describe info print show validate view",
+    "check": "describe draw info print show validate view",
     "export": "convert csv dump save",
     "import": "convert",
     "info": "check describe print show stats view",
@@ -123,7 +125,8 @@ _OTHER_OPTIONS = (
     _Instead("its address is --tcp HOST:PORT", "address host listen p port"),
     _Instead(
         "the headings of a scan are --from, --to and --step, in degrees",
-        "angle angles begin degrees end fov headings increment max-angle min-angle range resolution sector start stop",
+        "angle angles begin degrees end fov headings increment interval max-angle min-angle range resolution sector "
+        "start stop",
     ),
     _Instead("the angle between readings is --step, in degrees", "angle-step increment resolution"),
     _Instead("the number of sweeps is --sweeps", "count loops n number repeat repeats scans times turns"),
@@ -150,7 +153,8 @@ _OTHER_OPTIONS = (
         option="--decimal-comma",
     ),
     _Instead(
-        "the quantities to fit are --free, such as --free heading", "param params parameter parameters variables vary"
+        "the quantities to fit are --free, such as --free heading",
+        "param params parameter parameters optimise optimize variables vary",
     ),
     _Instead("the start is --start NAME or --start X,Y,DEG", f"at near place {_POSITION}"),
     _Instead("the place of the sensor is --place NAME or --place X,Y,DEG", f"at sensor-position x y {_POSITION}"),
@@ -162,7 +166,9 @@ _OTHER_OPTIONS = (
     _Instead("the room stands without an option before it", "env environment map plan room world", "ROOM"),
     _Instead("the room is --room NAME or --room FILE.toml", "env environment map plan world"),
     _Instead("the board is --board NAME or --board FILE.toml", "device-profile profile sensor transducer"),
-    _Instead("the board profile contains it; --board FILE.toml", "aperture beam beamwidth blanking frequency gain"),
+    _Instead(
+        "the board profile contains it; --board FILE.toml", "aperture beam beamwidth blanking frequency gain threshold"
+    ),
     _Instead("its size is --size WxD in metres, such as --size 3.2x2.4", "depth dimensions height length width"),
     _Instead("a reading matches within 5 cm, which is fixed", "threshold tolerance within", option="--find-missing"),
     _Instead("processes are --workers N", "cores j jobs n-jobs processes threads"),
@@ -178,6 +184,7 @@ _OTHER_OPTIONS = (
     _Instead("the file to write is --out", "file filename log o save save-as to write"),
 )
 _ALIKE = 0.75  # similarity of an option that is proposed; below, it is another word
+_MOST_FILES = 1000  # of a folder that are compared with a name
 _MOST_LISTED = 6  # options of a command with few
 _GLOBAL = {"debug": "--verbose", "quiet": "--quiet", "q": "-q", "silent": "--quiet", "verbose": "--verbose"}
 _OF_A_FILE = {"log": "info", "profile": "check", "room": "check"}  # the command of a group that describes a file
@@ -216,11 +223,18 @@ def _about_option(message: str, context: typer.Context, arguments: Sequence[str]
     if word in _GLOBAL and context.parent is not None:
         name = context.command_path.partition(" ")[2]
         return f"{message}; it stands before the command: `sonarhw {_GLOBAL[word]} {name}`"
-    if not written and (instead := _instead(word, context)):
-        return f"{message}; {instead}; see `{context.command_path} --help`"
+    if not written and f"--{word}" not in names:
+        parts = [part for part in reversed(re.split("[-_]", word)) if len(part) > 1]
+        known = next((f"--{part}" for part in parts if f"--{part}" in names), "")
+        if known and not _instead(word, context):
+            return f"{message}; did you mean `{known}`?"
+        if instead := next(filter(None, (_instead(part, context) for part in (word, *parts))), ""):
+            return f"{message}; {instead}; see `{context.command_path} --help`"
     longer = [name for name in names if len(word) > 2 and name.startswith(option)]
     if similar := written or longer or difflib.get_close_matches(option, names, cutoff=_ALIKE):
         return f"{message}; did you mean {' or '.join(f'`{name}`' for name in similar)}?"
+    if word in getattr(context.find_root().command, "commands", {}):
+        return f"{message}; `sonarhw {word}` is a command of its own"
     if others := [path for path, command in _all_commands(context) if any(option in p.opts for p in command.params)]:
         having = "`, `".join(others[:3])
         return f"{message}; it is an option of `{having}`; see `{context.command_path} --help`"
@@ -268,8 +282,13 @@ def _meant(message: str, context: typer.Context, arguments: Sequence[str]) -> st
     if group := next((name for name, group in groups.items() if word in getattr(group, "commands", {})), ""):
         return f"{path} {group} {word}"
     words = {other: command for command, others in _OTHER_WORDS.items() for other in others.split()}
+    if word in words:
+        return f"{path} {words[word]}"
+    parts = re.split("[-_]", word)
+    if len(parts) > 1 and (known := [part for part in reversed(parts) if part in words or part in groups]):
+        return f"{path} {words.get(known[0], known[0])}"
     similar = [] if "Did you mean" in message else difflib.get_close_matches(word, words, n=1, cutoff=_ALIKE)
-    return f"{path} {words[word if word in words else similar[0]]}" if word in words or similar else ""
+    return f"{path} {words[similar[0]]}" if similar else ""
 
 
 def _meant_in_group(
@@ -281,7 +300,8 @@ def _meant_in_group(
         if name in commands and word in others.split():
             return f"{path} {name}"
     later = next((argument for argument in arguments[arguments.index(word) + 1 :] if argument in commands), "")
-    describes = later or _OF_A_FILE.get(context.info_name or "")
+    is_name = "." in word or "/" in word or _is_room(word)
+    describes = later or (_OF_A_FILE.get(context.info_name or "") if is_name else "")
     return f"{path} {describes} {word}" if describes and not has_similar else ""
 
 
@@ -336,7 +356,18 @@ def _with_argument_hint(message: str, arguments: Sequence[str]) -> str:
     has_word = "fit" in arguments and re.search(r" --free \S+ [a-z_]+( |$)", " ".join(arguments)) is not None
     if ("fit" in arguments and re.match(r"[a-z_]+: no such file", message)) or (is_count and has_word):
         return f"{message}; the quantities to fit are --free NAME,NAME without a space"
-    return message
+    missing = re.match(r"(.+): no such file", message)
+    return f"{message}{_similar_file(Path(missing[1]))}" if missing else message
+
+
+def _similar_file(missing: Path) -> str:
+    """Return `; did you mean NAME?` for the file of the same kind with the most similar name, or an empty text."""
+    try:
+        files = [path for path in islice(missing.parent.iterdir(), _MOST_FILES) if path.suffix == missing.suffix]
+    except (OSError, ValueError):  # ValueError: a NUL in the name
+        return ""
+    near = difflib.get_close_matches(missing.stem, [path.stem for path in files], n=1, cutoff=_ALIKE)
+    return f"; did you mean `{missing.with_name(near[0] + missing.suffix)}`?" if near else ""
 
 
 def _is_room(name: str) -> bool:
