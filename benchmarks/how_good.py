@@ -96,8 +96,8 @@ ROWS = (
         "wave",
         "Do levels agree with the exact wave?",
         "python -m benchmarks.wave_equation",
-        r"(\d+) cases, (\d+) held; largest differences of these: (\S+) dB",
-        "within {2} dB in {1} of {0} cases that the theory covers",
+        r"(\d+) cases, (\d+) held; largest differences of these: (\S+) dB, (\S+) dB",
+        "within {2} and {3} dB in the {1} of {0} cases that the theory covers",
     ),
     Row(
         "fit",

@@ -70,12 +70,12 @@ _OTHER_WORDS = {
     "fit": "adjust optimise optimize",
     "flash": "burn program update upgrade upload",
     "gui": "chart display draw edit graph live load open show view viewer visualise visualize window",
-    "home": "zero",
+    "home": "reset zero",
     "import": "convert",
     "info": "connect settings status",
     "locate": "find localisation localise localization localize pose position",
     "log export": "csv dump extract save",
-    "log info": "inspect statistics stats summary",
+    "log info": "describe inspect statistics stats summary",
     "map": "combine merge slam",
     "ports": "detect devices discover list search serial",
     "ports --guess": "guess identify",
@@ -90,6 +90,7 @@ _OTHER_WORDS = {
     "turn": "move pan rotate",
     "--version": "version",
 }
+_ANY = ("get", "list", "new", "run", "show", "start")  # words that are joined with what is wanted
 # the same within a group such as `sonarhw room`
 _OTHER_WORDS_OF_GROUPS = {
     "check": "describe draw info print show validate view",
@@ -122,14 +123,16 @@ _OTHER_OPTIONS = (
         "address com device host live p port serial tty url",
         "URL",
     ),
-    _Instead("its address is --tcp HOST:PORT", "address host listen p port"),
+    _Instead("its address is --tcp HOST:PORT", "address host listen p port url"),
+    _Instead("the noise of the receiver is --noise", "sd sigma std snr"),
+    _Instead("the model is --model", "algorithm method mode"),
     _Instead(
         "the headings of a scan are --from, --to and --step, in degrees",
-        "angle angles begin degrees end fov headings increment interval max-angle min-angle range resolution sector "
-        "start stop",
+        "angle angles begin degrees delta end fov headings increment interval max-angle min-angle range resolution "
+        "sector start stop",
     ),
     _Instead("the angle between readings is --step, in degrees", "angle-step increment resolution"),
-    _Instead("the number of sweeps is --sweeps", "count loops n number repeat repeats scans times turns"),
+    _Instead("the number of sweeps is --sweeps", "count loops n number repeat repeats rounds scans times turns"),
     _Instead("the air stands in the room file, in the table [air]", "air humidity temp temperature", "ROOM"),
     _Instead("the unit stands in the URL: `lines:/dev/ttyUSB0?preset=NAME&unit=cm`", "unit units", "URL"),
     _Instead("pings at each heading are --pings", "average averages mean repetitions samples shots"),
@@ -186,9 +189,16 @@ _OTHER_OPTIONS = (
 _ALIKE = 0.75  # similarity of an option that is proposed; below, it is another word
 _MOST_FILES = 1000  # of a folder that are compared with a name
 _MOST_LISTED = 6  # options of a command with few
-_GLOBAL = {"debug": "--verbose", "quiet": "--quiet", "q": "-q", "silent": "--quiet", "verbose": "--verbose"}
+_GLOBAL = {
+    "debug": "--verbose",
+    "quiet": "--quiet",
+    "q": "-q",
+    "silent": "--quiet",
+    "v": "--verbose",
+    "verbose": "--verbose",
+}
 _OF_A_FILE = {"log": "info", "profile": "check", "room": "check"}  # the command of a group that describes a file
-_UNIT = re.compile(r"\b(degrees|metres|seconds|Hz)\b")
+_UNIT = re.compile(r"(degrees|metres|seconds|Hz|°C)\b")
 
 
 def _with_help(message: str, error: typer.TyperException, arguments: Sequence[str]) -> str:
@@ -207,6 +217,10 @@ def _with_help(message: str, error: typer.TyperException, arguments: Sequence[st
         return _about_extra(message.rstrip("."), context, arguments)
     if message.startswith("Missing ") or getattr(getattr(error, "param", None), "param_type_name", "") == "argument":
         return f"{message.rstrip('.')}; expected `{_usage(context)}`; see `{context.command_path} --help`"
+    hidden = [name for name, command in getattr(context.command, "commands", {}).items() if command.hidden]
+    message = next(
+        (message.removesuffix(end) for name in hidden if message.endswith(end := f". Did you mean '{name}'?")), message
+    )
     if message.endswith("?") or not message.startswith("No such "):
         return message
     return f"{message.rstrip('.')}; see `{context.command_path} --help`"
@@ -284,10 +298,12 @@ def _meant(message: str, context: typer.Context, arguments: Sequence[str]) -> st
     words = {other: command for command, others in _OTHER_WORDS.items() for other in others.split()}
     if word in words:
         return f"{path} {words[word]}"
-    parts = re.split("[-_]", word)
-    if len(parts) > 1 and (known := [part for part in reversed(parts) if part in words or part in groups]):
+    parts = [part for part in re.split("[-_]", word) if part not in _ANY]
+    shown = {name for name, command in groups.items() if not command.hidden}
+    if parts != [word] and (known := [part for part in parts if part in words or part in shown]):
         return f"{path} {words.get(known[0], known[0])}"
-    similar = [] if "Did you mean" in message else difflib.get_close_matches(word, words, n=1, cutoff=_ALIKE)
+    shown_similar = difflib.get_close_matches(word, shown, n=1)
+    similar = [] if shown_similar else difflib.get_close_matches(word, words, n=1, cutoff=_ALIKE)
     return f"{path} {words[similar[0]]}" if similar else ""
 
 
@@ -343,7 +359,7 @@ def _about_extra(message: str, context: typer.Context, arguments: Sequence[str])
         return f"{known}; give the room with `--room {room}`"
     if "compare" in arguments:
         return f"{known}; to compare two logs, use `sonarhw compare A.mcap --with B.mcap`"
-    if "--place" in names and "--place" not in arguments and re.fullmatch(r"[a-z]\w*", extra):
+    if "--place" in names and "--place" not in arguments and re.fullmatch(r"[a-z]\w*|-?[\d.]+(,-?[\d.]+){1,2}", extra):
         return f"{known}; give a place with `--place {extra}`"
     return known
 
