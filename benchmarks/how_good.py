@@ -26,8 +26,12 @@ on x86_64 with two cores.
 |---|---|---|---|
 """
 TAIL = """
-The real scans are by other teams, of a known room: [real scans](real_scans.md). What the model leaves out:
-[limits](model.md#limits). The claims of the paper one by one: [figures](../figures/figures.md).
+The real scans are by other teams, of a known room: [real scans](real_scans.md). Two long benchmarks were last run whole
+before later changes: [rooms from four to eight scans](fit_method.md#accuracy-in-random-rooms) on 2026-11-27 (`python -m
+benchmarks.room_finding`), [intervals of fits](fit_method.md#accuracy-of-fits) on 2026-11-22 (`python -m
+benchmarks.fit`).
+
+Next: [limits of the model](model.md#limits), or [the claims of the paper one by one](../figures/figures.md).
 """
 
 
@@ -61,8 +65,8 @@ ROWS = (
         "located",
         "How often is the first pose in a known room right?",
         "python -m benchmarks.real.located_scans FOLDER",
-        r"first poses: (\S+) ± (\S+) expected, (\d+) found; Brier score (\S+)",
-        "{2} scans; {0} ± {1} by the stated probabilities (Brier score {3})",
+        r"^ *0.00 to 1.00 +(\d+) .*first poses: (\S+) ± (\S+) expected, (\d+) found; Brier score (\S+)",
+        "{3} of {0} scans; {1} ± {2} expected from the stated probabilities (Brier score {4})",
     ),
     Row(
         "rooms",

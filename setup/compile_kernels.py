@@ -10,7 +10,7 @@ import sys
 import numpy as np
 from sonarhw_cli.outputs import CompilationProgress
 from sonarhw_compare import PlacedScan, locate_scan, map_scans
-from sonarhw_compare.fit.starting import fit_scan
+from sonarhw_compare.fit.starting import agreement_by_turn, all_round, fit_scan
 from sonarhw_compare.track import log_likelihood
 from sonarhw_sim import PredictionOptions, Receiver, RoomEchoes, Unit, load_board, load_room, predict_scan, predict_with
 from sonarhw_sim.air import DEFAULT_BOARD, Model
@@ -41,6 +41,7 @@ def compile_for_demo() -> None:
     ping.echo_times()
     ping.signal(0.01).rf(RATE)
     RoomEchoes(room, place, board).prepare()
+    agreement_by_turn(np.ones_like(all_round()), headings, scan.ranges, 0.05)
 
 
 def compile_kernels() -> None:
