@@ -293,7 +293,7 @@ def _decided(where: str, proposal: LayoutProposal, names_columns: bool) -> Layou
     example = f", such as {proposal.example!r}" if proposal.example else ""
     hint = "give a pattern, the names of the columns, or the format; `sonarhw import --help` lists them"
     if names_columns:
-        hint = "leave the columns out, then they are proposed, or remove the lines above the table"
+        hint = "check the names of the columns, or leave them out, then they are proposed"
     raise InputError(f"{where}: no readings were recognised in the text{example}; {hint}")
 
 
