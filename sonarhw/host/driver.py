@@ -414,7 +414,8 @@ class Driver:
             return
         if now < min(self._last_byte + SILENCE, self._last_message + NO_MESSAGE):
             return
-        self.unanswered = next((command.name for command in self._open.values()), None)
+        # a sign of life is sent once, and open whenever the device restarts
+        self.unanswered = next((command.name for command in self._open.values() if command.tries == TRIES), None)
         if now >= self._last_byte + SILENCE:
             raise NoAnswer(f"{self.where}: no byte received for {SILENCE:g} s; check the scanner's power and its cable")
         raise NoAnswer(
