@@ -12,7 +12,7 @@ README = Path("README.md").read_text()
 
 def test_pictures_exist() -> None:
     pictures = re.findall(r"!\[.*?\]\((.*?)\)", README)
-    assert len(pictures) == 3
+    assert len(pictures) == 2
     assert all(Path(picture).is_file() for picture in pictures)
 
 
