@@ -341,9 +341,9 @@ def test_keys_change_palette_unit_text_size_and_large_view(window: MainWindow) -
 
 def faint_labels(window: MainWindow) -> set[str]:
     """Return the texts of visible labels in which no pixel contrasts with the most frequent colour."""
+    QApplication.processEvents()  # style sheets are applied between events
     labels = [one for one in window.findChildren(QLabel) if one.text() and not one.visibleRegion().isEmpty()]
     assert len(labels) > 5
-    QApplication.processEvents()  # style sheets are applied between events
     picture, found = window.grab().toImage(), set()
     for label in labels:
         seen = label.visibleRegion().boundingRect()
