@@ -11,15 +11,18 @@ SHELL := /bin/bash
 .SHELLFLAGS := -o pipefail -c
 # some container images set it: then each process of the tests compiles all modules again
 unexport PYTHONDONTWRITEBYTECODE
+# -u: lines arrive when pip prints them
 # --no-compile: pip compiles all modules of every package, in half of its time, and most are never imported
-PIP_INSTALL := $(BIN)/python -m pip install --no-compile --no-build-isolation --no-deps
+PIP_INSTALL := $(BIN)/python -u -m pip install --no-compile --no-build-isolation --no-deps
 # versions and hashes are locked; packages build with the locked setuptools.
 # --no-deps: a lock is complete, and pip can take a newer version for a requirement with extras such as coverage[toml];
 # prints a line for every sixth package instead of the bars of pip
-locked = $(PIP_INSTALL) --progress-bar off --require-hashes $(patsubst %,--requirement requirements/%.txt,$(1)) | awk \
-	-v all=$$(cat $(patsubst %,requirements/%.txt,$(1)) | grep -c '^[^ \#]*==') \
-	'/^(Collecting|Processing|Ignoring)/ && ++n % 6 == 0 {print "  " n " of " all " packages"; fflush()} \
-	/^Installing/ {print "  installing them"; fflush()}'
+locked = $(PIP_INSTALL) --progress-bar off --require-hashes $(patsubst %,--requirement requirements/%.txt,$(1)) | \
+	{ all=$$(cat $(patsubst %,requirements/%.txt,$(1)) | grep -c '^[^ \#]*=='); n=0; \
+	while read -r word _; do case $$word in \
+		Collecting|Processing|Ignoring) if ! ((++n % 6)); then echo "  $$n of $$all packages"; fi ;; \
+		Installing) echo "  installing them" ;; \
+	esac; done; }
 # many tests wait, so more files run in parallel than there are cores; small files of unit tests are last
 AT_ONCE := --dist loadfile --no-loadscope-reorder --max-worker-restart 0
 # of window tests, files with more tests come first, so that both processes end at about the same time
