@@ -195,8 +195,8 @@ def _tops(agreement: FloatArray) -> list[tuple[int, int]]:
     return tops
 
 
-# The room turned and moved as a whole: no range shows this, so only what is known of the poses decides it. Who writes
-# positions down mostly measures them along walls, so walls are expected along the axes.
+# The room turned and moved as a whole: no range shows this, so only what is known of the poses decides it. Positions
+# are mostly measured along walls, so walls are expected along the axes. This is an assumption.
 
 
 _TURNS = np.radians(np.arange(-30.0, 30.01, 0.05))
