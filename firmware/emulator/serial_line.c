@@ -175,9 +175,9 @@ void line_start(avr_t *avr, const char *link, bool any_baud)
         die("cannot open the pseudo-terminal");
     make_raw(once);
     close(once);
-    line.link = link;
     if (link && symlink(line.name, link))
         die("cannot create the link to the pseudo-terminal; does it exist already?");
+    line.link = link; // line_end removes it, so only one that was made here
     line.any_baud = any_baud;
     line.uart = avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), 0);
     uint32_t flags = 0;

@@ -150,6 +150,8 @@ def emulated_board(
     for needed in (built / "emulator", image):
         if not needed.exists():
             raise InputError(f"{needed}: not built; run make firmware")
+    if pty and pty.exists() and not pty.is_symlink():
+        raise InputError(f"{pty}: exists already; choose another name for the pseudo-terminal")
     arguments: list[str | Path] = [built / "emulator", "--firmware", image]
     arguments += ["--combination", combination, "--stands", str(start_deg)]
     arguments += ["--pace", {"real": "1", "max": "0"}.get(str(pace), str(pace))]

@@ -21,6 +21,9 @@ FOREVER = math.inf
 _NO_WIRES = WiringFault(0)
 
 
+_MOST_SLIP = 320_000.0  # microsteps; homing searches each turn for its mark
+
+
 class FaultKind(Enum):
     """A fault: its name in a specification, its default size, and the meaning of the size."""
 
@@ -113,6 +116,8 @@ def _lasting(name: str, value: str, entry: str) -> float | tuple[int, int] | Wir
 
 def _size(kind: FaultKind, value: str, entry: str) -> float:
     size = _number(value, entry)
+    if kind is FaultKind.SLIP and abs(size) > _MOST_SLIP:
+        raise InputError(f"fault {entry!r}: expected at most {_MOST_SLIP:g} microsteps, a hundred turns")
     if size < 0 and kind is not FaultKind.SLIP:
         raise InputError(f"fault {entry!r}: expected a time of at least 0 s, such as {kind.text}=1")
     return size

@@ -18,6 +18,7 @@ import pytest
 
 from sonarhw import sector
 from sonarhw.device.emulated_board import emulated_board
+from sonarhw.errors import InputError, LinkError
 from sonarhw.link import Link
 from sonarhw.readings import Origin, Ping, PingResult, origin_of
 from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
@@ -40,6 +41,7 @@ from sonarhw.wire.messages import (
     Statistics,
 )
 from tests.contract.talk import Talk, readings
+from tests.fixtures.plain_echoes import PlainEchoes
 from tests.system.firmware.combinations.images import MEGA, UNO, budgets, vector
 from tests.system.firmware.conftest import FIRMWARE, PACE, Echoes, Mishap, scanner_on
 
@@ -261,3 +263,14 @@ def test_a_client_that_never_sets_the_speed_of_the_terminal_gets_answers() -> No
         frame = next(FrameDecoder().feed(received))
         assert isinstance(frame, Frame)
         assert frame.type == Info.TYPE
+
+
+def test_the_link_to_the_terminal_replaces_and_removes_nothing_of_the_user(tmp_path: Path) -> None:
+    file, link = tmp_path / "file", tmp_path / "link"
+    file.write_text("mine")
+    link.symlink_to("elsewhere")
+    with pytest.raises(InputError, match="file: exists already"), emulated_board(PlainEchoes(), file):
+        pass
+    with pytest.raises(LinkError), emulated_board(PlainEchoes(), link):
+        pass
+    assert (file.read_text(), os.readlink(link)) == ("mine", "elsewhere")

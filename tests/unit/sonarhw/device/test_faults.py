@@ -79,7 +79,7 @@ def test_a_schedule_is_parsed_from_its_text(spec: str, faults: Faults) -> None:
     [
         *("rust=1", "Drop=0.1", "drop", "drop=x", "drop=2", "drop=-1", "drop=1/0", "drop=nan"),
         *("flip=0.1@5", "drop=0,drop=0", "drift=1e9"),
-        *("protocol=1", "protocol=1.x", "protocol=1.300", "stall=-1", "reset=inf"),
+        *("protocol=1", "protocol=1.x", "protocol=1.300", "stall=-1", "reset=inf", "slip=1e99"),
         *("reset@", "reset@never", "reset@-1", "reset@r", "reset@r1.5", "reset@~0", "reset@~-3"),
     ],
 )  # fmt: skip
