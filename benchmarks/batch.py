@@ -7,8 +7,6 @@ how many cores worked, by the clock. The last line is the memory that many poses
 """
 
 import argparse
-import resource
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,6 +17,7 @@ from sonarhw_compare.track import PoseLikelihood
 from sonarhw_sim import compiled
 
 import sonarhw
+from benchmarks.logs import memory
 from sonarhw.readings import FloatArray
 
 SETTINGS = (
@@ -81,12 +80,9 @@ def memory_of(count: int) -> str:
     random, space = np.random.default_rng(2), find_free_space(room)
     poses = np.array([(*space.draw(random, 0.1), random.uniform(0, 2 * np.pi)) for _ in range(100)])
     sonarhw.predict_ranges(room, poses, HEADINGS, board)
-    if sys.platform == "win32":
-        raise NotImplementedError("Windows, which has no getrusage")
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    before = memory()
     cost = cost_of(lambda: sonarhw.predict_ranges(room, np.resize(poses, (count, 3)), HEADINGS, board))
-    more = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
-    ranges = count * len(HEADINGS) * 8 / 2**20
+    more, ranges = memory() - before, count * len(HEADINGS) * 8 / 1e6
     return f"{count} poses: {cost.clock:.0f} s, {more:.0f} MB more, of which {ranges:.1f} MB are their ranges"
 
 

@@ -116,8 +116,9 @@ _POSITION = "initial initial-pose location pos pose position start-pose xy"
 _READ = "csv-file data file filename i in infile input log scan"
 # the first that applies to the command is printed
 _OTHER_OPTIONS = (
-    _Instead("the rate stands in the URL: `lines:/dev/ttyUSB0?baud=9600&preset=NAME`", "baud baudrate b rate", "URL"),
-    _Instead("the rate stands in the URL: `lines:/dev/ttyUSB0?baud=9600&preset=NAME`", "speed", "URL"),
+    _Instead(
+        "the rate stands in the URL: `lines:/dev/ttyUSB0?baud=9600&preset=NAME`", "baud baudrate b rate speed", "URL"
+    ),
     _Instead(
         "the URL of the scanner stands without an option before it, such as /dev/ttyUSB0 or COM3",
         "address com device host live p port serial tty url",

@@ -13,7 +13,7 @@ from sonarhw.readings import FloatArray
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.files import parse_table, problems_of
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.room import Place, Room, object_around, object_name, wall_distances
+from sonarhw_sim.room.room import Place, Room, object_around, object_name, surface_distances, wall_distances
 from sonarhw_sim.room.room_file import MEETING, RoomFile
 from sonarhw_sim.room.room_writing import materials
 
@@ -229,8 +229,7 @@ def reason_for_silence(room: Room, place: Place, board: Board) -> str:
 def _distances(room: Room, place: Place) -> tuple[float, float]:
     """Return the distance from a place to the nearest point and to the farthest end of walls and posts, m."""
     position = np.array(place.position)
-    to_posts = np.hypot(*(room.posts[:, :2] - position).T)
-    near = np.concatenate((wall_distances(position[None], room.walls)[0], to_posts - room.posts[:, 2]))
+    near, to_posts = surface_distances(room, position), np.hypot(*(room.posts[:, :2] - position).T)
     far = np.concatenate((np.hypot(*(room.walls.reshape(-1, 2) - position).T), to_posts + room.posts[:, 2]))
     return float(near.min()), float(far.max())
 

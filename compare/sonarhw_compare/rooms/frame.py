@@ -62,12 +62,12 @@ def with_solved_headings(
     solved = agreement.best(tick)
     if sum(is_sure for _, is_sure in solved) < 2:
         solved = [(heading, True) for heading, _ in solved]
-    placed, known = list(scans), list(spreads)
+    placed, narrowed = list(scans), list(spreads)
     for row, (heading, is_sure) in zip(rows, solved, strict=True):
         if row in wide and is_sure:
             placed[row] = replace(scans[row], place=replace(scans[row].place, heading=heading))
-            known[row] = replace(spreads[row], heading=SOLVED)
-    return tuple(placed), tuple(known)
+            narrowed[row] = replace(spreads[row], heading=SOLVED)
+    return tuple(placed), tuple(narrowed)
 
 
 def _heading_prior(heading: float, deviation: float) -> FloatArray:
@@ -124,7 +124,7 @@ class _Agreement:
 
     def _of_pair(self, one: int, other: int) -> FloatArray:
         """Return the agreement of two scans at each pair of their headings, (h, h)."""
-        here, there = self._evidence[one], self._evidence[other]
+        evidence, of_other = self._evidence[one], self._evidence[other]
         between = np.subtract(self.scans[other].place.position, self.scans[one].place.position)
         agreement, rows = np.zeros((_COUNT, _COUNT)), np.arange(_COUNT)
         if float(np.hypot(*between)) < OTHER_PLACE:  # at one place, both see all surfaces at the same distances
@@ -132,9 +132,9 @@ class _Agreement:
         for towards in range(_COUNT):
             normal = math.cos(_HEADINGS[towards]), math.sin(_HEADINGS[towards])
             nearer = (normal[0] * between[0] + normal[1] * between[1]) / _CELL
-            by_angle = here @ _shifted(there, nearer).T
-            at = (towards - rows) % _COUNT
-            agreement += by_angle[np.ix_(at, at)]
+            by_angle = evidence @ _shifted(of_other, nearer).T
+            angles = (towards - rows) % _COUNT
+            agreement += by_angle[np.ix_(angles, angles)]
         return agreement
 
     def _climbed(

@@ -813,6 +813,12 @@ def room_doubts(room: Room) -> tuple[str, ...]:
 _PROBABLY_CENTIMETRES = 20  # a coordinate outside the room
 
 
+def surface_distances(room: Room, point: FloatArray) -> FloatArray:
+    """Return the distances from a point (2,) to walls, then to posts, (n,) m; below 0 inside a post."""
+    to_posts = np.hypot(*(room.posts[:, :2] - point).T) - room.posts[:, 2]
+    return np.concatenate((wall_distances(point[None], room.walls)[0], to_posts))
+
+
 def place_doubts(room: Room, place: Place) -> tuple[str, ...]:
     """Return a warning if a place is outside the room, inside an object such as a box, or on a wall or post."""
     x, y = place.position
@@ -825,12 +831,14 @@ def place_doubts(room: Room, place: Place) -> tuple[str, ...]:
     walls = object_around(room, place)
     if walls is not None:
         return (f"{where} inside {object_name(room, walls)} of room {room.name!r}",)
-    point = np.array([place.position])
-    away = np.append(wall_distances(point, room.walls), np.hypot(*(room.posts[:, :2] - point).T) - room.posts[:, 2])
-    near = int(np.abs(away).argmin())
-    if abs(away[near]) >= _ON_SURFACE:
+    away = np.abs(surface_distances(room, np.array(place.position)))
+    near = int(away.argmin())
+    if away[near] >= _ON_SURFACE:
         return ()
-    return (f"{where} {abs(away[near]) * 1e3:.0f} mm from {room.names[near]!r}: rays do not hold nearer than 10 mm",)
+    return (
+        f"{where} {away[near] * 1e3:.0f} mm from {room.names[near]!r}: rays do not hold nearer than "
+        f"{_ON_SURFACE * 1e3:g} mm",
+    )
 
 
 def warn_of_poses(name: str, room: Room, positions: FloatArray, warn: Callable[[str], None] = arguments.emit) -> None:
