@@ -5,6 +5,7 @@ Each subcommand has its own file and imports heavy modules inside its function, 
 
 import difflib
 import errno
+import functools
 import logging
 import os
 import re
@@ -525,8 +526,12 @@ def _warn(
     options.warn(str(message))
 
 
+# kept: a program may run many command lines, and building the parser takes longer than most of them
+_command = functools.cache(typer.main.get_command)
+
+
 def _status(arguments: list[str] | None) -> int:
-    command = typer.main.get_command(app)
+    command = _command(app)
     given = sys.argv[1:] if arguments is None else arguments
     if "_SONARHW_COMPLETE" in os.environ:  # set by the script that --install-completion writes
         command.main(prog_name="sonarhw")

@@ -80,8 +80,6 @@ def _checksums(path: Path, placed: list[Placed], end: int) -> list[str]:
     data = path.read_bytes()
     at, _, data_end = placed[end]
     footer_at, footer_length, footer = placed[-1]
-    assert isinstance(data_end, DataEnd)
-    assert isinstance(footer, Footer)
     wrong = [] if data_end.data_section_crc == zlib.crc32(data[:at]) else ["CRC-32 of the data section"]
     summary = data[footer.summary_start : footer_at + footer_length - 4]
     return wrong if footer.summary_crc == zlib.crc32(summary) else [*wrong, "CRC-32 of the summary"]
@@ -139,7 +137,6 @@ def _indexes(data: list[Placed], summary: list[McapRecord]) -> list[str]:
 
 def _chunk_index(index: ChunkIndex, data: list[Placed], by_offset: dict[int, tuple[int, McapRecord]]) -> list[str]:
     length, chunk = by_offset[index.chunk_start_offset]
-    assert isinstance(chunk, Chunk)
     where = f"index of the chunk at {index.chunk_start_offset}"
     wrong = []
     if (index.chunk_length, index.compressed_size, index.uncompressed_size) != (

@@ -24,7 +24,6 @@ def test_every_reading_delivered_before_the_kill_is_in_the_log(tmp_path: Path, c
         with serve(FakeBoard(PlainEchoes(), seed=2), tcp="127.0.0.1:0", pace=20.0) as endpoint:
             traces = ("--traces",) if kill % 2 else ()
             with started("scan", endpoint.url, "--out", log, "--print", *LONG, *traces) as process:
-                assert process.stdout is not None
                 printed = lines(process, chance.randrange(1, 400))
                 threading.Event().wait(chance.uniform(0, 0.05))
                 process.send_signal(signal.SIGKILL)

@@ -86,7 +86,6 @@ def assert_commands_run(python: Sequence[str], sonarhw: Sequence[str], folder: P
         fake, cwd=folder, env=_environment(folder, search), stdout=subprocess.PIPE, text=True
     ) as scanner:
         try:
-            assert scanner.stdout is not None
             url = scanner.stdout.readline().strip()
             commands = [f"info {url}", f"scan {url} --out scanned.mcap --step 30", *COMMANDS]
             all_of_them = json.dumps([command.split() for command in commands])

@@ -124,7 +124,6 @@ def _place(position: Floats) -> Place:
 
 
 def _point(place: Place) -> Floats:
-    assert place.height is not None
     return np.array([*place.position, place.height])
 
 

@@ -167,7 +167,6 @@ def level_of_wall(scene: RigidScene, place: Point = (0.0, 0.0)) -> float:
     It is the mean over the frequencies of the burst, with the phase of the mirror's path, so what arrives 0.1 m earlier
     or later, up to 2 m, is not in it.
     """
-    assert scene.mirror is not None
     offsets = np.arange(-_BAND, _BAND + _STEP / 2, _STEP)
     weights = np.cos(offsets / _BAND * math.pi / 2.2) ** 2
     total = 0.0 + 0.0j

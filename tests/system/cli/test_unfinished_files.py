@@ -63,7 +63,6 @@ def started(folder: Path, code: tuple[str, str], *arguments: str) -> "subprocess
         stderr=subprocess.PIPE,
         text=True,
     )
-    assert process.stdout is not None
     assert process.stdout.readline() == "begun\n"
     return process
 
@@ -100,7 +99,6 @@ def test_sigkill_leaves_no_half_file(folder: Path) -> None:
 def test_a_second_signal_leaves_no_hidden_file_even_if_a_library_swallows_the_first(folder: Path) -> None:
     with started(folder, SWALLOWING, *COMMANDS["export"]) as process:
         process.send_signal(signal.SIGTERM)
-        assert process.stdout is not None
         assert process.stdout.readline() == "swallowed\n"
         process.send_signal(signal.SIGTERM)
         process.wait(timeout=HANG)

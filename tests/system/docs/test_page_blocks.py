@@ -78,7 +78,6 @@ class Reader:
             env=self._shell.environment,
         )
         self._servers.append(server)
-        assert server.stdout is not None
         url = server.stdout.readline()
         assert url, f"{block.where}: {command.text}"
         if command.printed:

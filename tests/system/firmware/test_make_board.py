@@ -23,7 +23,6 @@ def board(built: Path, tmp_path: Path) -> Iterator["subprocess.Popen[str]"]:
 
 
 def test_its_first_line_is_a_url_and_sigterm_ends_it_cleanly(board: "subprocess.Popen[str]", tmp_path: Path) -> None:
-    assert board.stdout is not None
     url = board.stdout.readline().strip()
     assert url == str(tmp_path / "scanner")
     with Scanner.open(url) as scanner:
@@ -36,7 +35,6 @@ def test_its_first_line_is_a_url_and_sigterm_ends_it_cleanly(board: "subprocess.
 
 
 def test_the_emulator_ends_if_its_parent_is_killed(board: "subprocess.Popen[str]", tmp_path: Path) -> None:
-    assert board.stdout is not None
     terminal = Path(board.stdout.readline().strip()).resolve()
     board.kill()
     board.wait(HANG)

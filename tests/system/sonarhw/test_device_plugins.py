@@ -90,7 +90,6 @@ def test_a_device_that_turns_by_itself_is_scanned(sonarhw: Command, tmp_path: Pa
     recorded = read_log(log)
     assert {round(reading.range or 0, 6) for reading in recorded.readings} == {2.5}
     assert recorded.metadata.board == "hc-sr04"
-    assert recorded.info is not None
     assert (recorded.info.firmware, recorded.info.serial) == ("Range box", "7")
     assert b";31;32;" in received_bytes(log)
 

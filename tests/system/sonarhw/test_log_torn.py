@@ -39,7 +39,6 @@ def chunk_spans(path: Path) -> list[tuple[int, int, bool]]:
     """Return begin and end of each chunk and whether it contains a reading."""
     with path.open("rb") as file:
         summary = make_reader(file).get_summary()
-    assert summary is not None
     channels = {channel.topic: number for number, channel in summary.channels.items()}
     return [
         (c.chunk_start_offset, c.chunk_start_offset + c.chunk_length, channels["/readings"] in c.message_index_offsets)
@@ -100,7 +99,6 @@ def test_a_damaged_length_inside_a_chunk_loses_its_own_reading_only(whole: Path,
     data = bytearray(whole.read_bytes())
     with whole.open("rb") as file:
         summary = make_reader(file).get_summary()
-    assert summary is not None
     chunk = summary.chunk_indexes[6]
     length = chunk.chunk_start_offset + chunk.chunk_length - chunk.compressed_size - 8
     data[length : length + 8] = b"\xff" * 8
@@ -247,7 +245,6 @@ def test_a_log_with_other_channel_numbers_gives_the_same_frames_and_readings(who
     with whole.open("rb") as source, path.open("wb") as target:
         reader, writer = make_reader(source), Writer(target, compression=CompressionType.NONE)
         header, summary = reader.get_header(), reader.get_summary()
-        assert summary is not None
         writer.start(header.profile, header.library)
         numbers = {}
         for one in sorted(summary.channels.values(), key=lambda channel: (channel.id == 1, channel.id)):
@@ -296,7 +293,6 @@ for frames, reading in scan_frames():
 def test_a_killed_writer_leaves_every_accepted_reading(tmp_path: Path) -> None:
     path = tmp_path / "scan.mcap"
     child = subprocess.Popen([sys.executable, "-c", KILLED_WRITER, str(path)], stdout=subprocess.PIPE, text=True)
-    assert child.stdout is not None
     with child.stdout as lines:
         for _ in range(25):
             lines.readline()

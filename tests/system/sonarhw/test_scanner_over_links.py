@@ -287,7 +287,6 @@ def test_the_error_of_a_busy_port_names_the_other_program(tmp_path: Path) -> Non
     with serve(FakeBoard(PlainEchoes()), pty=tmp_path / "scanner") as endpoint:
         command = [sys.executable, "-c", hold, endpoint.url]
         with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
-            assert other.stdout is not None
             assert other.stdout.readline() == b"held\n"
             with pytest.raises(LinkBusy, match=rf"python\S* \({other.pid}\) holds the port"):
                 Scanner.open(endpoint.url)

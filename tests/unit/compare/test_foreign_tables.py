@@ -96,7 +96,6 @@ def test_a_trace_of_an_oscilloscope_begins_at_its_trigger(maker: str, tmp_path: 
     with pytest.raises(InputError, match="volts; add full_scale"):
         import_scan(file)
     (reading,) = import_scan(file, ImportOptions(full_scale=0.5)).readings
-    assert reading.trace is not None
     assert reading.trace.rate == pytest.approx(1 / STEP)
     np.testing.assert_allclose(reading.trace.samples, SIGNAL[100:] / 0.5, atol=1e-5)
 
@@ -118,7 +117,6 @@ def test_a_ping1d_has_its_distance_and_its_profile(tmp_path: Path) -> None:
     readings = import_scan(file, ImportOptions(speed_of_sound=1500.0)).readings
     np.testing.assert_allclose([one.range or 0.0 for one in readings], [1.0, 1.001, 1.002])
     trace = readings[0].trace
-    assert trace is not None
     assert trace.times[np.flatnonzero(trace.samples)[0]] * 1500 / 2 == pytest.approx(1.0, abs=0.01)
 
 

@@ -159,7 +159,6 @@ UP, ASIDE = arc(0.5, 0.0, 1.0, 90.0), arc(0.5, 0.0, 1.0, 0.0)
 
 def ends(*walls: Wall) -> list[list[float]]:
     room = room_of_features(Features((UP, ASIDE), walls, ()))
-    assert room is not None
     return np.round(room.walls, 6).tolist()
 
 

@@ -214,7 +214,6 @@ def test_a_new_fake_scanner_reports_its_first_start_seed_and_profile(faults: str
     device, _ = fake_device(room, room.places["figure9"], load_board("lego-nxt"), 42, read_faults(faults))
     device.receive(encode_frame(Frame(Hello.TYPE, 1, 0, Hello(1, 1).pack())), 0.0)
     (frame, *_) = FrameDecoder().feed(device.advance(0.1))
-    assert isinstance(frame, Frame)
     info = Info.unpack(frame.payload)
     assert (info.boot, info.serial, info.board) == (1, "FAKE-0042", "lego-nxt")
     assert (info.major, info.minor, info.homed) == (1, minor, 0)

@@ -126,8 +126,6 @@ def by_wall(ring: Ring, sender: int, listener: int) -> float:
 
 def path_from(scan: PredictedScan, listener: int, sender: int) -> int:
     """Return the row of the path from a sender over the wall straight to a receiver, both as rows of the scan."""
-    assert scan.only_at is not None
-    assert scan.sender_headings is not None
     return next(
         k
         for k in range(len(scan.paths))
@@ -190,7 +188,6 @@ def test_the_own_body_is_predicted_on_request_where_it_is_the_nearest() -> None:
     usual = predict_scan(room, here, WITH_BODY, headings)
     own = predict_scan(room, here, WITH_BODY, headings, PredictionOptions(own_body=True))
     facing = np.abs(np.degrees(headings) - 95.0) <= 15.0
-    assert own.of_own_body is not None
     assert own.of_own_body.tolist() == facing.tolist()
     assert own.ranges[facing] == pytest.approx(0.22)
     assert own.ranges[~facing] == pytest.approx(usual.ranges[~facing], nan_ok=True)

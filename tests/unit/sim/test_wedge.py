@@ -246,7 +246,6 @@ def test_a_side_that_another_wall_joins_midway_is_no_way_from_end_to_end() -> No
     strip, stem = (-0.01, 0.0, 0.01, 0.0), (0.002, 0.0, 0.002, -1.0)
     joined = room_of([strip, stem]).edges
     (end,) = np.flatnonzero(joined.points[:, 0] == -0.01)
-    assert joined.bare is not None
     assert sorted(joined.bare[end]) == pytest.approx([0.012, 0.02])
     below = (0.3, -0.4)
     # seen from the right, the left end is hidden; the right end is that of a wall from the stem on

@@ -63,7 +63,6 @@ def test_profiles_of_a_ping360_are_traces_with_the_first_loud_sample_as_echo(tmp
     assert [one.range for one in readings] == [pytest.approx(k * 2e-6 * 750, abs=2e-6) for k in (400, 500)]
     assert readings[1].time - readings[0].time == pytest.approx(0.2, abs=1e-5)
     trace = readings[1].trace
-    assert trace is not None
     assert trace.rate == pytest.approx(500_000)
     assert (trace.samples * 255).round().astype(np.uint8).tobytes() == ringing(500)
 
@@ -86,7 +85,6 @@ def test_messages_of_blue_robotics_own_library_are_read(tmp_path: Path) -> None:
     assert [one.range for one in readings] == [pytest.approx(4 * 100 * 25e-9 * 750, abs=1e-6)] * 2
     assert readings[1].time - readings[0].time == pytest.approx(1.0, abs=1e-5)
     for reading in readings:
-        assert reading.trace is not None
         assert (reading.trace.samples * 255).round().tolist() == [255, 5, 5, 5, 220, 9, 5, 5]
 
 

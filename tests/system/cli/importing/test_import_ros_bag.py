@@ -150,7 +150,6 @@ def test_each_reading_has_the_pose_at_its_time(tmp_path: Path, ros1: bool, frame
     for reading, share in zip(readings, [0.25] * 5 + [0.5] * 5, strict=True):
         x, yaw = 2 * share, 3.1 + 0.4 * share
         expected = (5.0, x, yaw + math.pi / 2) if framed else (x, 0.0, yaw)
-        assert reading.pose is not None
         assert reading.pose[:2] == pytest.approx(expected[:2], abs=1e-6)
         assert math.remainder(reading.pose[2] - expected[2], math.tau) == pytest.approx(0, abs=1e-6)
 

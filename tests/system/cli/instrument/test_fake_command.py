@@ -21,7 +21,6 @@ def test_a_fake_on_a_pseudo_terminal_is_scanned_and_removes_its_link(tmp_path: P
     assert not link.is_symlink()
     recorded = read_log(log)
     assert len(recorded.readings) == 12
-    assert recorded.info is not None
     assert (recorded.info.serial, recorded.info.board) == ("FAKE-0000", "polaroid-6500")
 
 

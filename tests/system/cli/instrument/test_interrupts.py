@@ -104,7 +104,6 @@ def begun(
         command, stdout=subprocess.PIPE, stderr=errors, text=True, cwd=folder, env=environment
     ) as process:
         try:
-            assert process.stdout is not None
             assert "begun\n" in iter(process.stdout.readline, "")
             yield process
         finally:
@@ -137,7 +136,6 @@ def test_ctrl_c_does_not_crash_a_library(code: str, tmp_path: Path, environment:
 def test_a_second_ctrl_c_ends_a_command_at_once(cleanup: str, tmp_path: Path, environment: dict[str, str]) -> None:
     with begun(ANY, cleanup, folder=tmp_path, environment=environment) as process:
         process.send_signal(signal.SIGINT)
-        assert process.stdout is not None
         assert process.stdout.readline() == "cleanup\n"
         process.send_signal(signal.SIGINT)
         process.wait(timeout=HANG)

@@ -66,7 +66,6 @@ def check_capabilities(info: DeviceInfo, combination: str) -> None:
     """Check that a host learns what the board can from its messages alone."""
     ranging, turning = parts(combination)
     able = info.capabilities
-    assert able is not None
     assert info.firmware == f"sonarhw-{combination.split('-')[0]} 0.1.0"
     assert info.board == {"polaroid": "polaroid-6500", "hc-sr04": "hc-sr04"}[ranging]
     assert able.highest_angle == -able.lowest_angle == pytest.approx(math.radians(REACH[turning]))

@@ -44,7 +44,6 @@ def test_all_around_is_scanned_and_a_power_failure_anywhere_winds_the_cable_no_f
     with scanner_on(echoes, start_deg=5, **options) as (_, scanner):
         choose_one_switch(scanner)
         able = scanner.info.capabilities
-        assert able is not None
         assert able.features & Feature.ONE_SWITCH
         assert np.degrees([able.lowest_angle, able.highest_angle]) == pytest.approx([-175, 175])
         list(scanner.scan(sector(-175, 180, 35)))

@@ -218,7 +218,6 @@ def test_a_board_with_faults_sends_no_frame_early_however_often_its_line_is_read
     heartbeats = 0
     for now in np.arange(0.0, 1.02, 0.01):
         for frame in decoder.feed(device.advance(float(now))):
-            assert isinstance(frame, Frame)
             assert now - 0.011 < frame.time_us * 1e-6 <= now + 1e-6
             heartbeats += frame.type == Heartbeat.TYPE
     assert heartbeats in (3, 4)  # one every quarter of a second
@@ -321,5 +320,4 @@ def test_unrecoverable_faults_give_an_error_of_one_line(faults: str, expected: t
 def test_each_reset_is_counted_as_one_start_of_the_board() -> None:
     bench = Bench(faulty("reset@r20,reset@r40"))
     bench.scanned(SECTOR)
-    assert bench.session.device.info is not None
     assert bench.session.device.info.boot == 3

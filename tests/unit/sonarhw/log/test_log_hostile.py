@@ -94,7 +94,6 @@ def test_an_invalid_index_is_replaced_by_the_frames(
         (reading.angle, reading.range) for reading in whole.readings
     ]
     assert len(log.frames) == len(whole.frames)
-    assert log.readings[4].trace is not None
     assert len(log.readings[4].trace.samples) == 600
 
 

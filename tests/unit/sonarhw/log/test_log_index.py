@@ -144,8 +144,6 @@ def test_the_index_and_the_frames_of_a_healthy_file_give_the_same_scans(
     assert complaints(path) == [] or name == "nothing at all"  # which has no chunks
     for reading in log.readings:
         wanted = example_reading(reading.number, trace=True).trace
-        assert wanted is not None
-        assert reading.trace is not None
         assert np.abs(reading.trace.samples - wanted.samples).max() <= 0.5 / 255 + 1e-12
         assert (reading.trace.rate, reading.trace.start) == pytest.approx((wanted.rate, wanted.start))
 
@@ -166,8 +164,6 @@ def test_a_lost_part_of_a_trace_is_a_gap(tmp_path: Path) -> None:
     frames = [SETTINGS, (True, frame_of(Started(7, 2))), *reading_frames(0, leave_out=(1,)), *reading_frames(1)]
     record(tmp_path / "scan.mcap", frames)
     gappy, whole = (reading.trace for reading in read_log(tmp_path / "scan.mcap").readings)
-    assert gappy is not None
-    assert whole is not None
     assert [*np.flatnonzero(np.isnan(gappy.samples))] == [*range(256, 512)]
     assert not np.isnan(whole.samples).any()
 
@@ -189,7 +185,6 @@ def test_an_open_log_is_unaffected_by_a_file_that_replaces_it(tmp_path: Path) ->
     write_example(path, 4, trace=True)
     log = read_log(path)
     write_scan(path, METADATA, [], overwrite=True)
-    assert log.readings[3].trace is not None
     assert not np.isnan(log.readings[3].trace.samples).any()
     copy_log(log, tmp_path / "copy.mcap")
     assert len(read_log(tmp_path / "copy.mcap").readings) == 4

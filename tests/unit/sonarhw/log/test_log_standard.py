@@ -33,7 +33,6 @@ def test_sweeps_have_the_published_schema(tmp_path: Path) -> None:
     write_example(tmp_path / "scan.mcap")
     with (tmp_path / "scan.mcap").open("rb") as file:
         summary = make_reader(file).get_summary()
-    assert summary is not None
     (channel,) = (channel for channel in summary.channels.values() if channel.topic == "/scan")
     schema = summary.schemas[channel.schema_id]
     assert (schema.name, schema.encoding, channel.message_encoding) == ("foxglove.LaserScan", "protobuf", "protobuf")

@@ -91,7 +91,6 @@ def test_a_scan_of_a_replay_has_the_origin_of_its_log(tmp_path: Path, writer: st
     write_scan(tmp_path / "log.mcap", LogMetadata(writer, STARTED), [example_reading(0)])
     log = read_log(tmp_path / "log.mcap")
     assert log.origin is origin
-    assert log.info is not None
     # the replay reports the recorded identity, and the scan of the replay is made by `scan`
     assert origin_of("scan", log.info.firmware, log.info.serial) is origin
 
@@ -149,7 +148,6 @@ def replayed(device: ReplayDevice) -> Bench:
 
 
 def test_a_replayed_boot_counter_is_not_taken_for_repeated_resets(log: Log) -> None:
-    assert log.info is not None
     # several heartbeats arrive before the first reading
     late = replace(log.scans[0], began=log.scans[0].began - 1.0)
     bench = replayed(ReplayDevice(replace(log, info=replace(log.info, minor=1, boot=3), scans=(late,))))
@@ -159,7 +157,6 @@ def test_a_replayed_boot_counter_is_not_taken_for_repeated_resets(log: Log) -> N
 
 
 def test_a_reset_reported_with_the_start_of_a_shorter_scan_loses_no_reading(log: Log) -> None:
-    assert log.info is not None
     bench = replayed(ReplayDevice(replace(log, info=replace(log.info, minor=1))))
     held = b""
     reset = encode_frame(Frame(Heartbeat.TYPE, 0, 2**40, Heartbeat(State.SCANNING, 0, 2, 0, boot=99).pack()))

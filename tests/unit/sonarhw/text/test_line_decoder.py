@@ -21,7 +21,6 @@ from sonarhw.text.layouts import PRESETS, Layout
 
 def decoder(preset: str = "arduino-radar") -> LineDecoder:
     made = make_decoder(Layout(preset))
-    assert isinstance(made, LineDecoder)
     return made
 
 

@@ -61,7 +61,6 @@ def test_a_line_is_read(query: str, line: str, printed: tuple[float | None, floa
     if printed is None:
         assert found is None
         return
-    assert isinstance(found, tuple)
     (reading,) = found
     assert reading.heading == (None if printed[0] is None else pytest.approx(printed[0]))
     if isinstance(printed[1], str):
@@ -87,7 +86,6 @@ def test_a_pattern_reads_lines_sensors_and_sweeps() -> None:
         line_format = read_lines_url(f"lines:COM3?{query}").layout.make_format()
         read = [line_format.read(line) for line in lines]
         assert all(one == PART for one in read[:-1])
-        assert isinstance(read[-1], tuple)
         return [(one.heading, tuple(round(distance, 6) for distance in one.ranges)) for one in read[-1]]
 
     assert readings(r"pattern=Angle: {deg}°\nDist: {cm} cm", "Angle: 15°", "Dist: 22 cm") == [(15, (0.22,))]

@@ -104,7 +104,6 @@ def test_a_trace_is_transmitted_with_eight_bits(carrier: bool) -> None:
     samples = np.sin(np.linspace(0, 9, 700))
     sent = Trace(samples if carrier else np.abs(samples), 76_900.0, 0.0004, carrier)
     (whole,) = assembled(made(0), *trace_chunks(0, sent), kind=TraceKind(1 + carrier))
-    assert whole.trace is not None
     assert (whole.trace.carrier, whole.trace.start) == (carrier, pytest.approx(sent.start))
     np.testing.assert_allclose(whole.trace.samples, sent.samples, atol=(1.01 if carrier else 0.51) / 255)
 
@@ -116,7 +115,6 @@ def test_a_trace_is_transmitted_with_eight_bits(carrier: bool) -> None:
 def test_samples_of_sixteen_bits_are_shares_of_65535(kind: TraceKind, expected: list[float], more: bytes) -> None:
     samples = np.array([0, 13_107, 65_535], dtype="<u2").tobytes() + more
     (done,) = assembled(made(0), TraceChunk(0, 0, 3, 20_000, 0, samples, bits=16, kind=int(kind)), kind=kind)
-    assert done.trace is not None
     assert done.trace.samples == pytest.approx(expected)
     assert done.trace.rate == pytest.approx(50_000)
 
