@@ -8,26 +8,37 @@ import re
 import time
 import zlib
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import TypeVar
 
 from cobs import cobs
 
 from sonarhw.bringup import Diagnosis, failed, passed, skipped
 from sonarhw.link import Link
+from sonarhw.readings import Origin, origin_of
 from sonarhw.wire import limits, messages
 from sonarhw.wire.frames import DELIMITER, Frame, FrameDecoder, Rejected, encode_frame
-from sonarhw.wire.readings_of_frames import broken_reading_rule, broken_settings_rule, broken_start_rule
+from sonarhw.wire.readings_of_frames import (
+    broken_reading_rule,
+    broken_settings_rule,
+    broken_start_rule,
+    readings_requested,
+)
 
 _TRIES, _ANSWER_WITHIN = 3, 0.5  # s
 _HELLO_TRIES = 7
 _SILENT = 0.5  # s after which the host sends a sign of life
 _BEAT_WITHIN = 1.5  # s; a heartbeat is due every 0.25 s
 _IDLE_WITHIN = 3.0  # s without the end of an action, while the device does not say that it is busy
+_READING_WITHIN = 12  # heartbeats, 3 s, between two readings of a scan
+_ENDS_WITHIN = 480  # heartbeats, 120 s, of Home by the protocol
+_SENT_WITHIN = 2_000_000  # µs from the start of a transmission to the frame with its reading
 _TEXT = re.compile(rb"[\x20-\x7e\r\n]{4,}")  # the start of a frame from a device is none
 _HEADER = 11  # bytes: type, sequence and time
 _STEP = 10_000_000  # µdeg
-_ORDER = messages.StartScan(start=0, step=_STEP, headings=2, sweeps=1, pings=1)
+_ORDER = messages.StartScan(start=0, step=_STEP, headings=2, sweeps=2, pings=1)
+_LONG_ORDER = messages.StartScan(start=0, step=_STEP, headings=2, sweeps=1, pings=250)  # is stopped
+_THERMOMETERS = -5000, 10_000  # 0.01 °C
 _CLOCK_WITHIN = 2.0  # factor by which the clock of the device may differ
 _MEASURED = 1.0  # s between two frames from which its clock is judged
 M = TypeVar("M", bound=messages.Message)
@@ -72,11 +83,14 @@ class _Talk:
     asked: int = 0  # sequence of the newest command that was asked
     info: messages.Info | None = None
     settings: messages.Settings | None = None
+    made: list[messages.ReadingMessage] = field(default_factory=list)  # of the newest scan
+    sent: dict[int, int] = field(default_factory=dict)  # time of the frame with each of them, µs, by number
     answered: str = ""  # the newest command that was answered
     frames: int = 0
     received: int = 0  # bytes
     rejected: list[Rejected] = field(default_factory=list)
     strays: list[messages.Message] = field(default_factory=list)  # since the newest command
+    unknown: set[int] = field(default_factory=set)  # types of frames without a message
     _arrived: list[messages.Message] = field(default_factory=list)
     _decoder: FrameDecoder = field(default_factory=FrameDecoder)
     _newest: Frame | None = None
@@ -98,20 +112,21 @@ class _Talk:
 
     def ask(self, message: messages.CommandMessage, expected: type[M], tries: int = _TRIES) -> M:
         """Send a command, and return its answer. Raises _Fault."""
-        name, sequence = type(message).__name__, self._next_sequence()
-        self.asked = sequence
+        self.asked = self._next_sequence()
+        return self.ask_again(message, expected, tries)
+
+    def ask_again(self, message: messages.CommandMessage, expected: type[M], tries: int = _TRIES) -> M:
+        """Send a command with the number of the newest one, and return its answer. Raises _Fault."""
+        name, sequence = type(message).__name__, self.asked
         self.rejected, self.strays = [], []
-        for _ in range(tries):
+        for number in range(tries):
+            if self.rejected and number >= _TRIES:
+                break
             self.send(message, sequence)
             answer = self.await_message(lambda got: getattr(got, "command", None) == sequence and _answers(got))
             if answer is not None:
                 return self._checked(answer, expected, name)
         raise self._missing(name, expected, sequence)
-
-    def ask_again(self, message: messages.CommandMessage, expected: type[M]) -> M:
-        """Repeat the newest command with its number, and return its answer. Raises _Fault."""
-        self.sequence = self.asked
-        return self.ask(message, expected)
 
     def _next_sequence(self) -> int:
         sequence = self.sequence
@@ -166,9 +181,10 @@ class _Talk:
                 "if the line returns what the host sends, separate TX and RX; types of a device are 0x80 to 0xFF",
             )
         if before and not self.rejected and (frame.sequence - before.sequence) % 0x10000 != 1:
+            order = "send numbers with the low byte first; " if frame.sequence - before.sequence == 0x100 else ""
             raise _Fault(
                 f"sequence {frame.sequence} follows {before.sequence}",
-                "count the sequence up by one with each frame that is sent, answers and heartbeats alike",
+                f"{order}count the sequence up by one with each frame that is sent, answers and heartbeats alike",
             )
         if before and frame.time_us < before.time_us:
             raise _Fault(
@@ -179,18 +195,46 @@ class _Talk:
         self._first, self._last = self._first or (now, frame.time_us), (now, frame.time_us)
         kind = messages.BY_TYPE.get(frame.type)
         if kind is None:
-            return  # of a newer version
+            self.unknown.add(frame.type)  # of a newer version
+            return
         try:
-            self._arrived.append(kind.unpack(frame.payload))
+            message = kind.unpack(frame.payload)
         except messages.MessageError as error:
-            raise _Fault(f"{kind.__name__}: {error}", _payload_advice(kind, frame)) from error
+            raise _Fault(f"{kind.__name__}: {error}", _payload_advice(kind, frame, self.minor)) from error
+        self._check_content(message, frame)
+        self._arrived.append(message)
+
+    def _check_content(self, message: messages.Message, frame: Frame) -> None:
+        info, name = message if isinstance(message, messages.Info) else self.info, type(message).__name__
+        if info is not None and (info.major, info.minor) <= (limits.PROTOCOL_MAJOR, limits.PROTOCOL_MINOR):
+            expected = len(message.pack(info.minor))
+            if len(frame.payload) > expected:
+                raise _Fault(
+                    f"{name}: {len(frame.payload)} bytes; its fields have {expected} in version 1.{info.minor}",
+                    _fields_advice(type(message), frame.payload, info.minor),
+                )
+        degrees: int = getattr(message, "temperature", messages.NO_TEMPERATURE)
+        lowest, highest = _THERMOMETERS
+        if degrees != messages.NO_TEMPERATURE and not lowest <= degrees <= highest:
+            raise _Fault(
+                f"{name}: a temperature of {degrees / 100:g} °C",
+                f"it is in 0.01 °C; {messages.NO_TEMPERATURE}: no thermometer",
+            )
+        if isinstance(message, messages.ReadingMessage):
+            self.sent.setdefault(message.number, frame.time_us)
 
     def _checked(self, answer: messages.Message, expected: type[M], name: str) -> M:
         if isinstance(answer, messages.Refused):
             code = messages.Refusal(answer.code).name if answer.code in [*messages.Refusal] else str(answer.code)
-            raise _Fault(f"refuses {name} with {code}: {answer.text!r}", _REFUSALS.get(code, _SEE))
+            raise _Fault(
+                f"refuses {name} with {code}: {answer.text!r}",
+                _REFUSALS.get(code, "expected a refusal code from 1 to 6"),
+            )
         if not isinstance(answer, expected):
-            raise _Fault(f"answers {name} with {type(answer).__name__}; expected {expected.__name__}", _SEE)
+            raise _Fault(
+                f"answers {name} with {type(answer).__name__}; expected {expected.__name__}",
+                f"answer {name} (0x{_type_of(name):02X}) with {expected.__name__} (0x{expected.TYPE:02X})",
+            )
         self.answered = name
         return answer
 
@@ -218,9 +262,10 @@ class _Talk:
                 f"{self.received} bytes without a zero byte", "end each frame with a zero byte, after byte stuffing"
             )
         if self.frames:
-            kinds = ", ".join(sorted({type(item).__name__ for item in self.strays})) or "unknown messages"
+            kinds = [*sorted({type(item).__name__ for item in self.strays}), *map("{:#04x}".format, self.unknown)]
             return _Fault(
-                f"no answer to {name}; {kinds} arrive", "send nothing before Hello, and answer it with Info at once"
+                f"no answer to {name}; messages that arrive: {', '.join(kinds)}",
+                f"answer it with {expected.__name__} (0x{expected.TYPE:02X}) at once, and send nothing before Hello",
             )
         return _Fault(
             f"no byte in answer to {name}",
@@ -241,12 +286,11 @@ def _type_of(name: str) -> int:
 # The stages: each returns what is right, or raises _Fault.
 
 
-_SEE = "see the message in firmware_protocol.md"
 _REFUSALS = {
     "MALFORMED": "accept payloads that are longer than in your version, and ignore the rest",
     "NO_HELLO": "remember that a Hello has arrived, until the next start",
     "NOT_HOMED": "a Home that has ended with DONE makes the zero known",
-    "UNKNOWN": "this command belongs to the version that Info states",
+    "UNKNOWN": "the version that Info states has this command; state 1.0 if the device has only the core",
     "BUSY": "an action has ended once its Finished is sent",
     "OUT_OF_RANGE": "accept this order, or state the limits in Capabilities (version 1.1)",
 }
@@ -287,86 +331,12 @@ def _heartbeat(talk: _Talk) -> str:
             raise _Fault("no Heartbeat", "send Heartbeat (0x89) every 250 ms, from Info on, in every state")
         if beat.state not in [*messages.State]:
             raise _Fault(f"Heartbeat with the state {beat.state}", "expected 0 to 3: idle, homing, turning, scanning")
-    return "Heartbeat arrives"
-
-
-def _home(talk: _Talk) -> str:
-    talk.ask(messages.Home(), messages.Accepted)
-    _finished(talk, "Home", talk.asked, 0)
-    return "Accepted, then Finished DONE"
-
-
-def _finished(talk: _Talk, name: str, sequence: int, readings: int) -> list[messages.ReadingMessage]:
-    """Wait for the Finished of an action, and return the readings before it."""
-    made: list[messages.ReadingMessage] = []
-    while True:
-        message = talk.await_message(
-            lambda got: isinstance(got, messages.Finished | messages.ReadingMessage) or _is_busy(got), _IDLE_WITHIN
-        )
-        if isinstance(message, messages.ReadingMessage):
-            made.append(message)
-        elif isinstance(message, messages.Finished):
-            break
-        elif message is None:
-            if talk.rejected:
-                raise _fault_of_block(talk.rejected[0])
+        if _is_busy(beat):
             raise _Fault(
-                f"no Finished for {name}, and no Heartbeat that says what the device does",
-                "send Finished (0x86) when the action has ended; until then, Heartbeat with its state every 250 ms",
+                f"Heartbeat with the state {messages.State(beat.state).name}, but nothing was commanded",
+                "Hello stops what runs; then the state is 0, IDLE",
             )
-    if message.command != sequence:
-        raise _Fault(f"Finished of command {message.command}; {name} has the number {sequence}", _SEE)
-    if message.outcome != messages.Outcome.DONE:
-        raise _Fault(f"{name} ends with outcome {message.outcome}: {message.text!r}", "0 is DONE")
-    if message.readings != readings:
-        raise _Fault(f"Finished of {name} with {message.readings} readings; expected {readings}", _SEE)
-    return made
-
-
-def _is_busy(message: messages.Message) -> bool:
-    return isinstance(message, messages.Heartbeat) and message.state != messages.State.IDLE
-
-
-def _scan(talk: _Talk) -> str:
-    started = talk.ask(_ORDER, messages.Started)
-    if rule := broken_start_rule(_ORDER, started):
-        raise _Fault(rule, "announce headings × sweeps × pings readings")
-    made = _finished(talk, "StartScan", talk.asked, _ORDER.headings)
-    if [reading.number for reading in made] != [0, 1]:
-        numbers = ", ".join(str(reading.number) for reading in made) or "none"
-        raise _Fault(f"readings with the numbers {numbers}; expected 0, 1", "count the readings of each scan from 0")
-    for reading in made:
-        _check_reading(talk, reading)
-    if made[0].fired_us == made[1].fired_us:
-        raise _Fault("both readings have the same fired_us", "it is the device clock at the start of each transmission")
-    return "Started, 2 readings, Finished DONE"
-
-
-def _check_reading(talk: _Talk, reading: messages.ReadingMessage) -> None:
-    rule = broken_reading_rule(reading, _ORDER, talk.settings, talk.info.microsteps if talk.info else 0)
-    if rule:
-        advice = "angles are in µdeg, and those of the order" if "angle" in rule else "echo times are in ns, in order"
-        raise _Fault(rule, advice)
-
-
-def _resend(talk: _Talk) -> str:
-    talk.ask(messages.Resend(first=1, count=1), messages.Accepted)
-    again = talk.await_message(lambda message: isinstance(message, messages.ReadingMessage))
-    if not isinstance(again, messages.ReadingMessage) or again.number != 1:
-        raise _Fault("Resend is accepted, but reading 1 does not follow", "keep the newest readings, at least one")
-    return "Accepted, then reading 1"
-
-
-def _stop(talk: _Talk) -> str:
-    talk.ask(messages.Stop(), messages.Accepted)
-    return "Accepted, also if nothing runs"
-
-
-def _repeated(talk: _Talk) -> str:
-    """A repeated command keeps its number; a new Hello begins a new conversation."""
-    talk.ask_again(messages.Stop(), messages.Accepted)
-    talk.ask(messages.Hello(limits.PROTOCOL_MAJOR, limits.PROTOCOL_MINOR), messages.Info)
-    return "a repeated command and another Hello are answered"
+    return "Heartbeat arrives"
 
 
 def _clock(talk: _Talk) -> str:
@@ -379,17 +349,183 @@ def _clock(talk: _Talk) -> str:
     return "it counts µs"
 
 
+def _home(talk: _Talk) -> str:
+    talk.ask(messages.Home(), messages.Accepted)
+    _finished(talk, "Home", talk.asked, _ENDS_WITHIN)
+    return "Accepted, then Finished DONE"
+
+
+def _finished(talk: _Talk, name: str, sequence: int, beats: int) -> list[messages.ReadingMessage]:
+    """Wait for the Finished of an action, and return the readings before it.
+
+    Raises _Fault if neither it nor a reading arrives within a number of heartbeats.
+    """
+    made: list[messages.ReadingMessage] = []
+    busy = 0
+    while True:
+        message = talk.await_message(
+            lambda got: isinstance(got, messages.Finished | messages.ReadingMessage) or _is_busy(got), _IDLE_WITHIN
+        )
+        if isinstance(message, messages.ReadingMessage):
+            made.append(message)
+            busy = 0
+        elif isinstance(message, messages.Finished):
+            break
+        elif message is None or busy == beats:
+            raise _not_finished(talk, name, message is not None, made)
+        else:
+            busy += 1
+    if message.command != sequence:
+        raise _Fault(
+            f"Finished of command {message.command}; {name} has the number {sequence}",
+            "`command` in Finished is the sequence of the frame that began the action",
+        )
+    if message.outcome != messages.Outcome.DONE:
+        raise _Fault(f"{name} ends with outcome {message.outcome}: {message.text!r}", "0 is DONE")
+    if message.readings != len(made):
+        arrived = ", ".join(str(reading.number) for reading in made) or "none"
+        raise _Fault(
+            f"Finished of {name} with {message.readings} readings; those that arrived: {arrived}",
+            "send each reading; Finished contains the number of the first one that is not made, 0 after Home and Turn",
+        )
+    return made
+
+
+def _not_finished(talk: _Talk, name: str, busy: bool, made: list[messages.ReadingMessage]) -> _Fault:
+    if talk.rejected:
+        return _fault_of_block(talk.rejected[0])
+    if busy and name == "StartScan":
+        return _Fault(
+            f"{len(made)} readings of StartScan, then none and no Finished, while the state is busy",
+            "send ReadingMessage (0x87) after each ping, and Finished (0x86) after the last one",
+        )
+    if busy:
+        return _Fault(
+            f"no Finished for {name} after {_ENDS_WITHIN} Heartbeats with a busy state",
+            "send Finished (0x86) when the action has ended or failed",
+        )
+    return _Fault(
+        f"no Finished for {name}, and no Heartbeat that says what the device does",
+        "send Finished (0x86) when the action has ended; until then, Heartbeat with its state every 250 ms",
+    )
+
+
+def _is_busy(message: messages.Message) -> bool:
+    return isinstance(message, messages.Heartbeat) and message.state != messages.State.IDLE
+
+
+def _scan(talk: _Talk) -> str:
+    talk.sent.clear()
+    started = talk.ask(_ORDER, messages.Started)
+    if rule := broken_start_rule(_ORDER, started):
+        raise _Fault(rule, "announce headings × sweeps × pings readings")
+    simulated = talk.info and origin_of("", talk.info.firmware, talk.info.serial) is Origin.FAKE
+    # the first echo of a simulated scanner may have to wait for a compilation
+    talk.made = made = _finished(talk, "StartScan", talk.asked, _ENDS_WITHIN if simulated else _READING_WITHIN)
+    expected = [*range(readings_requested(_ORDER))]
+    if [reading.number for reading in made] != expected:
+        numbers = ", ".join(str(reading.number) for reading in made) or "none"
+        raise _Fault(
+            f"readings with the numbers {numbers}; expected {', '.join(map(str, expected))}",
+            "count the readings of each scan from 0, and send each",
+        )
+    for reading in made:
+        _check_reading(talk, reading)
+    if len({reading.fired_us for reading in made}) < len(made):
+        raise _Fault("two readings have the same fired_us", _FIRED)
+    return f"Started, {len(made)} readings, Finished DONE"
+
+
+_FIRED = "it is the device clock at the start of each transmission, µs, as in the header of a frame"
+
+
+def _check_reading(talk: _Talk, reading: messages.ReadingMessage) -> None:
+    rule = broken_reading_rule(reading, _ORDER, talk.settings, talk.info.microsteps if talk.info else 0)
+    if rule:
+        raise _Fault(rule, next(advice for word, advice in _READING_ADVICE.items() if word in rule))
+    sent = talk.sent[reading.number]
+    if not 0 <= sent - reading.fired_us <= _SENT_WITHIN:
+        raise _Fault(
+            f"reading {reading.number}: fired_us {reading.fired_us}, in a frame with the time {sent} µs", _FIRED
+        )
+
+
+# by a word of the broken rule
+_READING_ADVICE = {
+    "its number means sweep": "number the sweeps, and the pings at each heading, from 0",
+    "angle": "angles are in µdeg, counter-clockwise, and those of the order; every second sweep runs backwards",
+    "": "echo times are in ns, in order",
+}
+
+
+def _repeated(talk: _Talk) -> str:
+    """The newest command keeps its number when it is repeated."""
+    if not talk.made:
+        talk.ask(messages.Stop(), messages.Accepted)
+        talk.ask_again(messages.Stop(), messages.Accepted)
+        return "Stop is answered again"
+    talk.ask_again(_ORDER, messages.Started)
+    after = talk.await_message(lambda got: isinstance(got, messages.Finished | messages.ReadingMessage))
+    if not isinstance(after, messages.Finished):
+        what = "begins another scan" if after else "no Finished follows Started"
+        raise _Fault(
+            f"repeated StartScan: {what}",
+            "a repeated command has the same sequence: send its answer and its Finished again, and do not carry it out",
+        )
+    return "a repeated StartScan is answered, and not carried out again"
+
+
+def _resend(talk: _Talk) -> str:
+    talk.ask(messages.Resend(first=1, count=1), messages.Accepted)
+    again = talk.await_message(lambda message: isinstance(message, messages.ReadingMessage))
+    if not isinstance(again, messages.ReadingMessage) or again.number != 1:
+        raise _Fault("Resend is accepted, but reading 1 does not follow", "keep the newest readings, at least one")
+    if again != talk.made[1]:
+        raise _Fault("reading 1 differs from the one before", "send the kept reading again; do not measure again")
+    return "Accepted, then reading 1"
+
+
+def _stop(talk: _Talk) -> str:
+    talk.ask(messages.Stop(), messages.Accepted)
+    if not talk.made:
+        return "Accepted, if nothing runs"
+    talk.ask(_LONG_ORDER, messages.Started)
+    scan = talk.asked
+    talk.await_message(lambda message: isinstance(message, messages.ReadingMessage), _IDLE_WITHIN)
+    try:
+        talk.ask(messages.Stop(), messages.Accepted)
+    except _Fault as fault:
+        if not any(isinstance(message, messages.ReadingMessage) for message in talk.strays):
+            raise
+        raise _Fault(
+            f"during a scan: {fault.text}",
+            "make one reading in each pass of the main loop, and read commands between two of them",
+        ) from fault
+    if not any(isinstance(message, messages.Finished) and message.command == scan for message in talk.strays):
+        raise _Fault(
+            "Stop is accepted during a scan, but the scan does not end before",
+            "send Finished (0x86) with outcome 1, STOPPED, for the scan, then Accepted",
+        )
+    return "Accepted, after Finished STOPPED of a scan"
+
+
+def _greeting(talk: _Talk) -> str:
+    talk.ask(messages.Hello(limits.PROTOCOL_MAJOR, limits.PROTOCOL_MINOR), messages.Info)
+    return "another Hello is answered"
+
+
 _STAGES: dict[str, Callable[[_Talk], str]] = {
     "Hello": _hello,
     "Capabilities": _capabilities,
     "Configure": _configure,
     "Heartbeat": _heartbeat,
+    "clock": _clock,
     "Home": _home,
     "StartScan": _scan,
+    "repetition": _repeated,
     "Resend": _resend,
     "Stop": _stop,
-    "repetition": _repeated,
-    "clock": _clock,
+    "greeting": _greeting,
 }
 _MOVING = ("Home", "StartScan", "Resend")
 
@@ -453,14 +589,22 @@ def _crc(data: bytes, start: int, end: int) -> int:
     return zlib.crc32(data, start ^ 0xFFFFFFFF) ^ 0xFFFFFFFF ^ end
 
 
-def _payload_advice(kind: type[messages.Message], frame: Frame) -> str:
+def _payload_advice(kind: type[messages.Message], frame: Frame, minor: int) -> str:
     """Return the likely cause of a payload that is too short."""
+    payload = frame.time_us.to_bytes(8, "little")[4:] + frame.payload
     try:
-        kind.unpack(frame.time_us.to_bytes(8, "little")[4:] + frame.payload)
+        message = kind.unpack(payload)
     except messages.MessageError:
-        names = ", ".join(kind.__dataclass_fields__)
-        return f"send its fields in order, without padding: {names}; its payload is {_hex(frame.payload) or 'empty'}"
+        return _fields_advice(kind, frame.payload, minor)
+    if payload not in (message.pack(later) for later in range(limits.PROTOCOL_MINOR + 1)):
+        return _fields_advice(kind, frame.payload, minor)
     return "the time in the header of a frame has 8 bytes, not 4"
+
+
+def _fields_advice(kind: type[messages.Message], payload: bytes, minor: int) -> str:
+    sent = (item for item in fields(kind) if item.metadata["since"] <= minor)
+    listed = ", ".join(f"{item.name} {item.metadata['wire'].name}" for item in sent)
+    return f"send its fields in order, without padding: {listed}; its payload is {_hex(payload) or 'empty'}"
 
 
 def _hex(data: bytes) -> str:

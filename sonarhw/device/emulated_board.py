@@ -20,7 +20,7 @@ from typing import Literal
 import numpy as np
 
 from sonarhw.device.fake_board import WiringFault
-from sonarhw.device.served import in_thread
+from sonarhw.device.served import free_link, in_thread
 from sonarhw.errors import InputError, LinkError
 from sonarhw.readings import EchoSource, Ping, PingResult
 
@@ -150,8 +150,8 @@ def emulated_board(
     for needed in (built / "emulator", image):
         if not needed.exists():
             raise InputError(f"{needed}: not built; run make firmware")
-    if pty and pty.exists() and not pty.is_symlink():
-        raise InputError(f"{pty}: exists already; choose another name for the pseudo-terminal")
+    if pty:
+        free_link(pty)
     arguments: list[str | Path] = [built / "emulator", "--firmware", image]
     arguments += ["--combination", combination, "--stands", str(start_deg)]
     arguments += ["--pace", {"real": "1", "max": "0"}.get(str(pace), str(pace))]

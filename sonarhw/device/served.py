@@ -274,23 +274,28 @@ def host_and_port(address: str) -> tuple[str, int]:
     return host or "127.0.0.1", int(port)
 
 
+_TERMINALS = ("/dev/pts/", "/dev/ttys")  # pseudo-terminals on Linux and macOS
+
+
 def _is_stale(link: Path) -> bool:
     """Whether a killed process has left the link behind. Another process may use a terminal of the same name now."""
-    if not link.is_symlink():
+    if not link.is_symlink() or not os.readlink(link).startswith(_TERMINALS):
         return False
-    if not link.exists():
-        return True
-    is_terminal = os.readlink(link).startswith("/dev/pts/")
-    return is_terminal and link.stat().st_ctime > link.lstat().st_ctime
+    return not link.exists() or link.stat().st_ctime > link.lstat().st_ctime
+
+
+def free_link(link: Path) -> None:
+    """Remove the link that a killed process left behind. Raises InputError if anything else has its name."""
+    if _is_stale(link):
+        link.unlink()
+    if os.path.lexists(link):
+        raise InputError(f"{link}: exists already; choose another name for the pseudo-terminal")
 
 
 def _make_link(link: Path, target: str) -> None:
-    if _is_stale(link):
-        link.unlink()
+    free_link(link)
     try:
         link.symlink_to(target)
-    except FileExistsError:
-        raise InputError(f"{link}: exists already; choose another name for the pseudo-terminal") from None
     except OSError as error:
         raise InputError(f"{link}: cannot create the link: {error.strerror or error}") from error
 

@@ -141,7 +141,7 @@ def test_a_minimum_scanner_passes_every_stage_and_scans(language: str, tmp_path:
     with running(build(tmp_path, PROGRAMS[language])) as port:
         stages = list(check_protocol(port, turns=True))
         assert [(stage.check, stage.verdict) for stage in stages if stage.verdict != "pass"] == []
-        assert len(stages) == 10
+        assert len(stages) == 11
         with Scanner.open(port) as scanner:
             readings = list(scanner.scan(sector(0, 60, 10)))
     assert [round(reading.angle * 57.29578) for reading in readings] == [0, 10, 20, 30, 40, 50]
@@ -171,6 +171,38 @@ FAULTS = {
     "angle": ("turn(start + step *", "turn(500 + start + 2 * step *", "StartScan", "angle"),
     "echo in µs": ("[width * 1000]", "[width]", "StartScan", "echo"),
     "fired": ("head = struct", "fired = 0\n    head = struct", "StartScan", "fired_us"),
+    "fired in ms": ("head = struct", "fired //= 1000\n    head = struct", "StartScan", "in the header of a frame"),
+    "always forwards": ("index if sweep % 2 else index", "index if False else index", "StartScan", "runs backwards"),
+    "no readings": (
+        "    if scanning:\n        measure()",
+        "    if False:\n        measure()",
+        "StartScan",
+        "after each ping",
+    ),
+    "wrong temperature": ("angle, fired, -32768", "angle, fired, 29300", "StartScan", "in 0.01 °C"),
+    "no temperature": (
+        '"<BIHBiQhB", 0x87, number, sweep, ping, angle, fired, -32768',
+        '"<BIHBiQB", 0x87, number, sweep, ping, angle, fired',
+        "StartScan",
+        "temperature i16",
+    ),
+    "wide count": ('"<BIHBiQhB"', '"<BIHBiQhH"', "StartScan", "echoes u32[]"),
+    "no microsteps": ('"<hII", -32768, 0, 360', '"<hI", -32768, 0', "Hello", "microsteps u32"),
+    "busy": ("3 if scanning else 0", "3 if scanning else 1", "Heartbeat", "HOMING"),
+    "carries out again": ("if command == last and kind != 0x01", "if False", "repetition", "begins another scan"),
+    "another reading": (
+        "send(readings[kept])",
+        "send(readings[kept][:8] + bytes(4) + readings[kept][12:])",
+        "Resend",
+        "do not measure again",
+    ),
+    "deaf in a scan": (
+        "    if scanning:\n        measure()",
+        "    while scanning:\n        measure(), time.sleep(0.02)",
+        "Stop",
+        "each pass of the main loop",
+    ),
+    "endless scan": ("        finish(1)\n", "        pass\n", "Stop", "STOPPED"),
     "sequence": ("(sequence + 1) & 0xFFFF", "(sequence + 2) & 0xFFFF", "Hello or Configure", "follows"),
     "milliseconds": ("sequence, clock()", "sequence, clock() // 1000", "clock", "times as fast"),
 }
