@@ -286,10 +286,11 @@ def _all_commands(context: typer.Context) -> list[tuple[str, Any]]:
 
 def _meant(message: str, context: typer.Context, arguments: Sequence[str]) -> str:
     """Return the command that an unknown one probably means, or an empty text."""
-    unknown = re.match(r"No such command '([^']*)'", message)
-    if unknown is None:
+    # the parser writes odd characters of the word in another way
+    word = next((argument for argument in arguments if message.startswith(f"No such command {argument!r}")), None)
+    if word is None:
         return ""
-    word, path = unknown[1], context.command_path
+    path = context.command_path
     groups: dict[str, Any] = getattr(context.command, "commands", {})
     if word == "help":
         return " ".join([path, *arguments[arguments.index(word) + 1 :], "--help"])

@@ -58,12 +58,14 @@ class Failing(EndlessSender):
 
 def test_a_link_left_behind_is_replaced_and_anything_else_is_kept(tmp_path: Path) -> None:
     dangling, file, folder = tmp_path / "dangling", tmp_path / "file", tmp_path / "folder"
-    dangling.symlink_to(tmp_path / "gone")
+    dangling.symlink_to("/dev/pts/gone")
     file.write_text("precious")
     folder.mkdir()
     with serve(FakeBoard(PlainEchoes()), pty=dangling, pace="max") as endpoint, Scanner.open(endpoint.url) as scanner:
         assert scanner.info.serial == "FAKE-0000"
-    for taken in (file, folder):
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.symlink_to(tmp_path / "gone")
+    for taken in (file, folder, elsewhere):
         with pytest.raises(InputError, match="exists already"), serve(FakeBoard(PlainEchoes()), pty=taken):
             pass
     assert file.read_text() == "precious"
