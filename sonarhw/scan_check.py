@@ -88,8 +88,8 @@ def check_scan(readings: Sequence[Reading], reach: Reach = ANY_BOARD, silent: fl
     checks = (
         units,
         check_motion(angles, ranges) if len(np.unique(angles)) > 1 else None,
-        _false_echo(angles[order], ranges[order]),
-        _clamped(angles[order], ranges[order], reach),
+        _false_echo(angles[order], ranges[order], len(np.unique(sweeps))),
+        _clamped(angles[order], ranges[order], reach, len(np.unique(sweeps))),
         _degrees_or_radians(angles),
         _opposed(angles, ranges, sweeps),
         _means(ranges, silent) if readings[0].origin in (None, Origin.IMPORTED) else None,
@@ -168,8 +168,11 @@ def _runs(marked: BoolArray) -> int:
     return int(marked[:1].sum()) + int((np.diff(marked.astype(np.int8)) == 1).sum())
 
 
-def _false_echo(angles: FloatArray, ranges: FloatArray) -> Doubt | None:
-    """Return a doubt if one range occurs here and there among others. Readings (n,) are in the order of angles."""
+def _false_echo(angles: FloatArray, ranges: FloatArray, sweeps: int) -> Doubt | None:
+    """Return a doubt if one range occurs here and there among others of a sweep.
+
+    Readings (n,) are in the order of sweeps, then of angles.
+    """
     heard = np.isfinite(ranges)
     of_echoes = ranges[heard]
     lowest, count = most_common_range(of_echoes)
@@ -180,7 +183,7 @@ def _false_echo(angles: FloatArray, ranges: FloatArray) -> Doubt | None:
     apart = (of_echoes < lowest - _BESIDE) | (of_echoes > top + _BESIDE)
     same = (of_echoes >= lowest) & (of_echoes <= top)
     runs = _runs(same[apart | same])
-    if runs < max(_LEAST_RUNS, _SCATTERED * count):
+    if runs < max(_LEAST_RUNS * sweeps, _SCATTERED * count):
         return None
     degrees = np.degrees(np.ptp(angles[heard][same]))
     problem = (
@@ -219,7 +222,7 @@ def _scattered(angles: FloatArray, ranges: FloatArray) -> Doubt | None:
     )
 
 
-def _clamped(angles: FloatArray, ranges: FloatArray, reach: Reach) -> Doubt | None:
+def _clamped(angles: FloatArray, ranges: FloatArray, reach: Reach, sweeps: int) -> Doubt | None:
     """Return a doubt if a range of 0, or the longest, occurs so often that it stands for no echo.
 
     The longest does if it occurs here and there, or is the reach of the board.
@@ -234,7 +237,8 @@ def _clamped(angles: FloatArray, ranges: FloatArray, reach: Reach) -> Doubt | No
     if same.all() or same.sum() < least or len(np.unique(angles[known][same])) < _SILENT_RUNS:
         return None
     # where silence has a sign of its own, the longest range is one only if it is scattered
-    needed = _SILENT_RUNS if len(heard) == len(ranges) else max(_SILENT_RUNS, _SCATTERED * same.sum())
+    needed = _SILENT_RUNS * sweeps
+    needed = needed if len(heard) == len(ranges) else max(needed, _SCATTERED * same.sum())
     if _runs(same) < needed and not (limit and len(heard) == len(ranges)):
         return None
     return _stands_for_silence(same, f"of exactly {longest:.4g} m, the longest", longest)

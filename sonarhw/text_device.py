@@ -2,6 +2,7 @@
 
 import math
 import time
+from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from urllib.parse import unquote
@@ -11,8 +12,10 @@ from sonarhw.link import READ_PATIENCE, Link, PortFinder
 from sonarhw.plugins.device_plugin import DeviceIdentity, DevicePlugin, Measurement
 from sonarhw.readings import ScanOrder
 from sonarhw.text.decoder import NOISE, make_decoder
+from sonarhw.text.evidence import DEGREES_ASSUMED, UnitChoice, angle_question, turns_back
 from sonarhw.text.layouts import Layout, Printed, degrees_of, layout_of, one_of
-from sonarhw.text.proposals import NOTHING, LayoutProposal, UnitChoice, propose, sweep_text, turns_back
+from sonarhw.text.proposals import NOTHING, LayoutProposal, propose, sweep_text
+from sonarhw.text.words import RANGE_UNITS, UNIT_NAMES
 
 # the URL of a device that prints text: `lines:/dev/ttyUSB0?baud=9600&preset=arduino-radar`
 
@@ -163,15 +166,19 @@ def _listen(
 ) -> LineGuess:
     """Return what arrives at the baud rate of a guess."""
     data, began = b"", time.monotonic()
+    pauses, newest = list[tuple[int, float]](), began
     next_look, reported = began + _AGAIN, False
     while not stopped():
-        data += link.read()
+        piece = link.read()
         now = time.monotonic()
+        if piece:
+            pauses.append((len(data), now - newest))
+            data, newest = data + piece, now
         over = now > began + (LISTEN_TO_SWEEP if guess.url else patience)
         if now < next_look and not over and len(data) < 4 * max(guess.received, 200):
             continue
         next_look = now + _AGAIN
-        guess = replace(guess, proposal=propose(data), received=len(data))
+        guess = replace(guess, proposal=propose(data, pauses=pauses), received=len(data))
         if guess.url and not reported and len(guess.proposal.readings) < _ENOUGH * 4:
             drafted(guess)
             reported = True
@@ -181,11 +188,15 @@ def _listen(
 
 
 def _is_enough(proposal: LayoutProposal) -> bool:
-    """Return whether a sweep has passed, or none is expected."""
+    """Return whether a sweep has passed, or a sweep and the one back if a question is open; or none is expected."""
     headings = [reading.heading for reading in proposal.readings if reading.heading is not None]
     if len(proposal.readings) < _ENOUGH:
         return False
-    return not headings or (turns_back(headings) and len(headings) > 2 * _ENOUGH)
+    first = headings[: len(headings) // 2] if proposal.questions else headings
+    return not headings or (turns_back(first) and len(headings) > 2 * _ENOUGH)
+
+
+_MOST_HEARD = 2000  # headings
 
 
 class TextDevice(DevicePlugin):
@@ -198,6 +209,9 @@ class TextDevice(DevicePlugin):
         self._decoder = make_decoder(self._settings.layout)
         self._unit = UnitChoice()
         self._link: Link | None = None
+        self._heard = deque[float](maxlen=_MOST_HEARD)  # headings for which degrees are assumed
+        self._scale: float | None = None  # m, of the newest range
+        self._newest = time.monotonic()  # time of the newest byte
         self._steps = 0  # readings since the scan began, of a device that prints no angle
         self._bytes = 0
 
@@ -221,9 +235,12 @@ class TextDevice(DevicePlugin):
             return []
         self._bytes += len(data)
         self.on_bytes(data)
-        now = time.time()
+        now, before, self._newest = time.time(), self._newest, time.monotonic()
+        readings = self._decoder.feed(data, self._newest - before)
+        self._heard += [reading.heading or 0.0 for reading in readings if reading.degrees_assumed]
+        self._scale = next((reading.scale for reading in readings if reading.numbers), self._scale)
         try:
-            decided = self._unit.add([(now, printed) for printed in self._decoder.feed(data)])
+            decided = self._unit.add([(now, printed) for printed in readings])
         except InputError as error:
             raise InputError(f"{self.url}: {error}") from error
         return [self._measurement(printed, None if when == now else when) for when, printed in decided]
@@ -266,8 +283,28 @@ class TextDevice(DevicePlugin):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What was assumed about the numbers."""
-        return self._unit.notes
+        """How the numbers are read, with the evidence, and what is doubtful."""
+        layout = self._settings.layout
+        names = [name for name, scale in RANGE_UNITS.items() if scale == self._scale and not layout.units.range]
+        by_text = names and layout.preset in ("csv", "jsonl", "angle-distance") and not self._unit.notes
+        stated = (f"range in {UNIT_NAMES[names[0]]}: as the text states",) if by_text else ()
+        named = layout.preset == "jsonl" or self._decoder.has_header
+        angle = (angle_question(self._heard, named=named) or DEGREES_ASSUMED,) if self._heard else ()
+        return (*stated, *self._unit.notes, *angle, *self._order_notes())
+
+    def _order_notes(self) -> tuple[str, ...]:
+        """Return whether the pauses of the device agree with the order of lines in the pattern."""
+        first, *others = self._settings.layout.pattern.split("\\n")
+        if not others:
+            return ()
+        if self._decoder.pauses.agree is False:
+            order = "\\n".join([*others, first])
+            return (
+                f"the device pauses within readings, not before {first!r}: angles and ranges are probably combined "
+                f"wrongly; write pattern={order}",
+            )
+        how = "the device pauses before it" if self._decoder.pauses.agree else "as the pattern states"
+        return (f"a reading begins with the line {first!r}: {how}",)
 
     def _measurement(self, printed: Printed, when: float | None) -> Measurement:
         heading = printed.heading

@@ -200,9 +200,7 @@ def _record(
     from sonarhw.host.scanner import record_scan
 
     board = inputs.board_of(scanner, request.board)
-    metadata = replace(
-        metadata, board=board.name, board_text=board.text, source=scanner.url, read_as="; ".join(scanner.notes)
-    )
+    metadata = replace(metadata, board=board.name, board_text=board.text, source=scanner.url)
     plan = scan_plan(scanner, request, board, room_air)
     with ExitStack() as exit_stack:
         terminal = _Terminal(scanner, request, exit_stack)

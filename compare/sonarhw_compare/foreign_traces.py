@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray, Reading, Trace
 from sonarhw_compare.foreign_rows import MOST_SAMPLES, ForeignRow, Meaning, opened, readings_of, short_lines
-from sonarhw_compare.import_formats import OSCILLOSCOPE, start_of_file
+from sonarhw_compare.import_formats import is_oscilloscope, start_of_file
 from sonarhw_compare.processes import parse_apart
 
 LONGEST_TRACE = 0xFFFF  # samples of a trace in a log
@@ -93,7 +93,7 @@ def _samples(file: Path, meaning: Meaning) -> tuple[NDArray[np.generic], float |
     suffix, start = file.suffix.lower(), start_of_file(file, 8)
     if start[:4] == b"RIFF" or suffix == ".wav":
         return parse_apart(_wav, file, "a WAV file")
-    scope = meaning.rate is None and OSCILLOSCOPE.search(start_of_file(file).decode("utf-8", "replace"))
+    scope = meaning.rate is None and is_oscilloscope(start_of_file(file).decode("utf-8", "replace"))
     if meaning.rate is None and not scope:
         raise InputError(f"{file}: the sampling rate is not stated; add rate=HZ")
     if start[:2] == b"PK" or (suffix == ".npz" and start[:6] != b"\x93NUMPY"):
@@ -204,8 +204,8 @@ def _oscilloscope(file: Path) -> tuple[NDArray[np.generic], float]:
     with opened(file, _WHAT) as text:
         lines = [line.rstrip("\r\n") for line in short_lines(file, text, _WHAT)]
     _check_size(file, len(lines))
-    cells = [re.split(r"[,;\t]", line) for line in lines if line.strip(" ,;\t")]
-    table, first = _numeric_block(file, cells)
+    cells = _cells([line for line in lines if line.strip(" ,;\t")])
+    table, first, columns = _numeric_block(file, cells)
     increment = _increment(cells[:first]) if _counts(table[:, 0]) else None
     unit = next((match for row in cells[:first] if (match := _UNIT.search(row[0]))), None)
     seconds = _TIME_UNITS.get((unit[1] or unit[2]).lower(), 1.0) if unit else 1.0
@@ -221,22 +221,45 @@ def _oscilloscope(file: Path) -> tuple[NDArray[np.generic], float]:
     after = times > -step / 2  # the trigger is the start of transmission
     if not after.any():
         raise InputError(f"{file}: ends before the trigger, at {times[-1]:g} s; expected samples after time 0")
-    return np.ascontiguousarray(table[after, 1:].T), round(1 / step, 6)
+    volts = [_volts([row[k] for row in cells[:first] if k < len(row)]) for k in columns[1:]]
+    return np.ascontiguousarray((table[after, 1:] * volts).T), round(1 / step, 6)
 
 
-def _numeric_block(file: Path, cells: list[list[str]]) -> tuple[FloatArray, int]:
-    """Return the columns that are numbers to the end, (n, m), and the row where the first column of them begins."""
-    width = len(cells[-1])
-    columns = [k for k in range(width) if _is_number(cells[-1][k])]
-    if len(columns) < 2:
-        raise InputError(f"{file}: expected a column of times and one of samples, got {cells[-1][:5]}")
+_MILLIVOLTS = re.compile(r"\(mV\)|\bin mV\b")
+
+
+def _cells(lines: list[str]) -> list[list[str]]:
+    """Return the cells of lines, between semicolons or tabs, where a comma is that of a number; else between commas."""
+    mark = next((mark for mark in ";\t" if lines and mark in lines[-1]), ",")
+    return [[cell if mark == "," else cell.replace(",", ".") for cell in line.split(mark)] for line in lines]
+
+
+def _volts(head: list[str]) -> float:
+    """Return the unit of a column by the cells above it, V."""
+    return 1e-3 if any(_MILLIVOLTS.search(cell) for cell in head) else 1.0
+
+
+def _numeric_block(file: Path, cells: list[list[str]]) -> tuple[FloatArray, int, list[int]]:
+    """Return the columns that are numbers to the end, (n, m), the row where they begin, and their places.
+
+    Samples without times are counted in a first column.
+    """
+    columns = [k for k, cell in enumerate(cells[-1] if cells else []) if _is_number(cell)]
+    counted = len(columns) == 1 and _increment(cells[:_HEAD_ROWS]) is not None
+    if len(columns) < 2 and not counted:
+        raise InputError(f"{file}: expected a column of times and one of samples, got {cells[-1:]}")
     first = len(cells)
     while first and len(cells[first - 1]) > columns[-1] and all(_is_number(cells[first - 1][k]) for k in columns):
         first -= 1
     numbers = np.array([[float(row[k]) for k in columns] for row in cells[first:]])
     if len(numbers) < 2:
         raise InputError(f"{file}: has no column of samples; expected a trace of an oscilloscope")
-    return numbers, max(first, min(len(cells), 20))
+    if counted:
+        numbers, columns = np.column_stack((np.arange(len(numbers)), numbers)), [-1, *columns]
+    return numbers, max(first, min(len(cells), _HEAD_ROWS)), columns
+
+
+_HEAD_ROWS = 20
 
 
 def _is_number(cell: str) -> bool:
@@ -250,6 +273,12 @@ def _counts(column: FloatArray) -> bool:
     return bool((np.diff(column) == 1).all())
 
 
+_START_AND_STEP = {
+    "start": re.compile(r"\bt0\s*=\s*([-+\d.e]+)", re.IGNORECASE),
+    "step": re.compile(r"\btinc\s*=\s*([-+\d.e]+)", re.IGNORECASE),
+}
+
+
 def _increment(head: list[list[str]]) -> tuple[float, float] | None:
     """Return start and step of the times where samples are counted, s: columns named so, or a key."""
     for row, below in pairwise(head):
@@ -257,6 +286,9 @@ def _increment(head: list[list[str]]) -> tuple[float, float] | None:
         if "increment" in names and "start" in names:
             return float(below[names.index("start")]), float(below[names.index("increment")])
     for row in head:
+        written = [_START_AND_STEP[key].search(",".join(row)) for key in ("start", "step")]
+        if written[0] and written[1]:
+            return float(written[0][1]), float(written[1][1])
         if row[0].strip().lower() == "sample interval" and len(row) > 1 and _is_number(row[1]):
             return 0.0, float(row[1])
     return None

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from sonarhw.errors import InputError
 from sonarhw.files import MOST_FOREIGN, open_input
+from sonarhw.text.words import ColumnKind, meaning_of, words_of
 
 if TYPE_CHECKING:
     from sonarhw.readings import Reading
@@ -74,9 +75,26 @@ _MAGIC = (
 )
 _START = 65_536  # bytes that decide
 _HEAD = 2_000  # characters at the start of a trace of an oscilloscope
-OSCILLOSCOPE = re.compile(  # what the CSV of Tektronix, Siglent, Rigol and PicoScope begins with
-    r"^\W*(record length\W|sample interval\W|x,ch\d|time(\(s\))?,\s*ch(\d|annel [a-h])|second,val)|\btinc\s*=",
-    re.IGNORECASE | re.MULTILINE,
+_KEYS_OF_SCOPES = re.compile(r"\W*(record length|sample interval|x-axis)\W|.*\btinc\s*=", re.IGNORECASE)
+_TIMES = ("time", "zeit", "temps", "tiempo", "tempo", "second", "seconds", "s", "x", "in")
+_SIGNALS = frozenset(
+    [
+        "ch",
+        "channel",
+        "kanal",
+        "voie",
+        "canal",
+        "canale",
+        "ampl",
+        "amplitude",
+        "volt",
+        "volts",
+        "voltage",
+        "v",
+        "mv",
+        "val",
+        "spannung",
+    ]
 )
 _BEESOFT = re.compile(r"@SENS +\d+-\d+-\d+ |#SONAR +\d+:")
 MCAP = b"\x89MCAP0\r\n"
@@ -134,7 +152,7 @@ def _of_content(file: Path, start: bytes) -> ImportFormat | None:
 def _of_text(start: bytes) -> ImportFormat | None:
     """Return the format of text that is no text of a device; None for all other."""
     text = start.decode("utf-8", "replace")
-    if OSCILLOSCOPE.search(text[:_HEAD]):
+    if is_oscilloscope(text):
         return RAW
     lines = text.splitlines()
     if lines[:1] == ["LaserOdometryLog"]:
@@ -144,6 +162,18 @@ def _of_text(start: bytes) -> ImportFormat | None:
     if any(line.split()[:1] == ["SONAR"] for line in lines):
         return CARMEN
     return PLAYER if any(map(_is_player_line, lines)) else None
+
+
+def is_oscilloscope(text: str) -> bool:
+    """Return whether a text begins as the CSV of an oscilloscope: keys, or a column of times and one of a signal."""
+    for line in text[:_HEAD].splitlines():
+        first, *others = [words_of(cell) for cell in re.split(r"[,;\t]", line)]
+        names_signal = any(word in _SIGNALS for cell in others for word in cell)
+        names_angle = any(meaning_of(cell[0]).quantity is ColumnKind.ANGLE for cell in others if cell)
+        is_header = first and first[0] in _TIMES and names_signal and not names_angle
+        if is_header or _KEYS_OF_SCOPES.match(line):
+            return True
+    return False
 
 
 def _is_player_line(line: str) -> bool:

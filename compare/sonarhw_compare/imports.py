@@ -1,6 +1,7 @@
 """Scans in files of other programs: `import_scan` reads any of them. The command, the window and Python call it."""
 
 import csv
+import json
 import math
 import os
 import re
@@ -25,8 +26,18 @@ from sonarhw.plugins.sweep_tracker import SweepTracker
 from sonarhw.readings import Origin, Reading, RobotPose
 from sonarhw.scan_check import ANY_BOARD, check_scan
 from sonarhw.text.decoder import Decoder, encoding_of, make_decoder, text_of, utf16_of
-from sonarhw.text.layouts import ColumnNames, Columns, Layout, Printed, column_names, columns_of, layout_of
-from sonarhw.text.proposals import NAMED_CLOCKWISE, LayoutProposal, TextTable, UnitChoice, propose, text_table
+from sonarhw.text.evidence import UnitChoice
+from sonarhw.text.layouts import (
+    ColumnNames,
+    Columns,
+    Layout,
+    Printed,
+    column_names,
+    columns_of,
+    json_records,
+    layout_of,
+)
+from sonarhw.text.proposals import NAMED_CLOCKWISE, LayoutProposal, TextTable, propose, text_table
 from sonarhw.text.words import ANGLE_UNITS, RANGE_UNITS
 from sonarhw.wire.messages import MOST_DEGREES
 from sonarhw_compare.foreign_bags import json_messages
@@ -379,21 +390,26 @@ _MOST_TURN = 720.0  # degrees
 _RANGES = re.compile(r"field\.ranges(\d+)")
 
 
-def as_long_text(where: str, data: bytes, step: float) -> bytes:
-    """Return the text with one reading a line if it is one of these tables, else as it is.
+def as_long_text(where: str, data: bytes, step: float) -> tuple[bytes, str]:
+    """Return the text with one reading a line, and what it was, if it is one of these; else as it is, and nothing.
 
     `step`: degrees from one sensor of a ROS topic to the next. Raises InputError for a table that lacks columns.
     """
-    head = _decoded_text(data[:4096])
+    head = _decoded_text(data[:4096]).lstrip()
+    if head[:1] in ("{", "[") and (records := json_records(_decoded_text(data).lstrip())):
+        return "\n".join(map(json.dumps, records)).encode(), "JSON"
     separator = next((mark for mark in ("\t", ";", ",") if mark in head.partition("\n")[0]), "")
     try:
+        if _ROS_ECHO.search(head):
+            messages = _ros_echo_as_csv(where, _decoded_text(data))
+            return "".join(_of_ros_csv(where, messages, step)).encode(), "messages of `rostopic echo`"
         if head.startswith(_ROS_CSV):
-            return "".join(_of_ros_csv(where, _decoded_text(data), step)).encode()
+            return "".join(_of_ros_csv(where, _decoded_text(data), step)).encode(), "messages of `rostopic echo -p`"
         if separator and _is_wide(head, separator):
-            return "".join(_of_wide(where, _decoded_text(data), separator)).encode()
+            return "".join(_of_wide(where, _decoded_text(data), separator)).encode(), "a table of a sweep a line"
     except csv.Error as error:
         raise InputError(f"{where}: is not CSV: {error}") from error
-    return data
+    return data, ""
 
 
 def _decoded_text(data: bytes) -> str:
@@ -450,6 +466,34 @@ def _of_wide(where: str, text: str, separator: str) -> Iterator[str]:
             )
         for angle, cell in zip(angles, cells[before:], strict=True):
             yield f"{angle:g};{cell.strip().replace(',', '.') or _SILENT}\n"
+
+
+_ECHOED = ("frame_id", "angle_min", "angle_increment", "range_min", "range_max", "min_range", "max_range", "range")
+_ROS_ECHO = re.compile(r"^(range|ranges|angle_increment): ?", re.MULTILINE)
+_ECHO_LINE = re.compile(r"\s*(?:(\w+):)?\s*(?:- )?(.*)")
+
+
+def _ros_echo_as_csv(where: str, text: str) -> str:
+    """Return what `rostopic echo` or `ros2 topic echo` has printed as the CSV of `rostopic echo -p`."""
+    messages: list[dict[str, str]] = []
+    for document in re.split(r"^---\s*$", text, flags=re.MULTILINE):
+        values: dict[str, list[str]] = {}
+        key = ""
+        for line in document.splitlines():
+            if (match := _ECHO_LINE.fullmatch(line)) is not None:
+                key = match[1] or key
+                values.setdefault(key, []).extend(re.split(r",\s*", match[2].strip("[]'\" ")) if match[2] else [])
+        if "..." in values.get("ranges", ()):
+            raise InputError(f"{where}: its ranges are cut at '...'; print them with `ros2 topic echo --full-length`")
+        single = {f"field.{name}": values[name][0] for name in _ECHOED if values.get(name)}
+        several = {f"field.ranges{k}": value for k, value in enumerate(values.get("ranges", ()))}
+        frame = single.pop("field.frame_id", "")
+        messages += [{"%time": "0", "field.header.frame_id": frame, **single, **several}] if single else []
+    file = StringIO()
+    writer = csv.DictWriter(file, list(messages[0]) if messages else ["%time"], extrasaction="ignore")
+    writer.writeheader()
+    writer.writerows(messages)
+    return file.getvalue()
 
 
 def _of_ros_csv(where: str, text: str, step: float) -> Iterator[str]:
@@ -546,14 +590,12 @@ def _read(file: Path, kind: ImportFormat, options: ImportOptions) -> ImportedSca
     meaning = options.meaning(kind)
     if kind in (TEXT, JSON_MCAP):
         layout, known = options.layout, options.known
-        if kind is JSON_MCAP:
-            data = json_messages(file)
-        else:
-            data = _content(file)
-            data = data if layout else as_long_text(str(file), data, meaning.step)
+        data = json_messages(file) if kind is JSON_MCAP else _content(file)
+        data, what = (data, "") if layout else as_long_text(str(file), data, meaning.step)
         if layout is not None:
             layout = replace(layout, scale=options.scale)
-        return text_scan(str(file), data, meaning, layout, known)
+        scan = text_scan(str(file), data, meaning, layout, known)
+        return replace(scan, read_as=(f"read as {what}", *scan.read_as[1:])) if what else scan
     readings = kind.read(file, meaning)
     scale = meaning.scale if kind is LOG else None if kind.has_traces else 1.0
     scan = ImportedScan(str(file), tuple(readings), read_as=(f"read as {kind.title}",), scale=scale)

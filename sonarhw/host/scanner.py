@@ -873,6 +873,8 @@ def record_scan(scanner: Scanner, plan: ScanPlan, log: LogWriter | None, watcher
             raise
         finally:
             scanner.record(None)
+            if scanner.notes:
+                log.state_how_read("; ".join(scanner.notes))
             if outcome is messages.Outcome.STOPPED and not count:
                 log.drop()
     return outcome

@@ -679,6 +679,7 @@ class LogIndex:
     settings: messages.Settings | None
     frames: int
     scans: tuple[IndexedScan, ...]
+    read_as: str = ""  # of the metadata at the end of the log
 
 
 def index_of(decoder: ScanDecoder) -> LogIndex:
@@ -701,6 +702,7 @@ def pack_index(index: LogIndex, offset: int) -> bytes:
         "info": _packed(index.info),
         "settings": _packed(index.settings),
         "frames": index.frames,
+        "read_as": index.read_as,
         "scans": [
             {
                 "began": scan.began,
@@ -738,7 +740,8 @@ def unpack_index(data: bytes, offset: int) -> LogIndex | None:
             columns[int(number)][column] = array
         scans = tuple(_scan(scan, mine, offset) for scan, mine in zip(head["scans"], columns, strict=True))
         info, settings = _unpacked(messages.Info, head["info"]), _unpacked(messages.Settings, head["settings"])
-        return LogIndex(info, settings, _count(head["frames"], offset), scans)  # a frame has more than a byte
+        frames = _count(head["frames"], offset)  # a frame has more than a byte
+        return LogIndex(info, settings, frames, scans, str(head.get("read_as", "")))
     except _UNREADABLE:
         return None
 
@@ -839,6 +842,7 @@ def read_log(path: Path | str) -> Log:
     except OSError as error:
         raise NotALog(f"{path}: cannot be read: {error.strerror}") from error
     metadata, invalid = head.metadata(_torn(damage), has_frames=bool(index.info or index.scans))
+    metadata = replace(metadata, read_as=index.read_as or metadata.read_as)
     torn = _torn([*damage, *invalid])
     damaged = not all(place.at_end for place in [*damage, *invalid])
     log = Log(metadata, index.info, index.settings, RecordedFrames(file, index.frames, topics), (), torn, damaged)

@@ -571,6 +571,7 @@ class LogWriter:
         self._decoder = reader.ScanDecoder()
         self._sweeps = OpenSweeps()  # not yet written
         self._time = metadata.started
+        self._metadata = metadata
         self._writer = Writer(cast(IO[bytes], self._file), compression=CompressionType.NONE, enable_data_crcs=True)
         self._writer.start(reader.PROFILE)
         self._writer.add_metadata(reader.METADATA_NAME, metadata_record(metadata))
@@ -631,6 +632,15 @@ class LogWriter:
             self._commit()
         return readings
 
+    def state_how_read(self, text: str) -> None:
+        """Record how the source was read, which may be known only after its first readings. Raises LogError."""
+        with self._lock:
+            if self._file.closed or text == self._metadata.read_as:
+                return
+            self._metadata = replace(self._metadata, read_as=text)
+            self._writer.add_metadata(reader.METADATA_NAME, metadata_record(self._metadata))
+            self._commit()
+
     def received_bytes(self, time: float, data: bytes) -> None:
         """Record bytes of a device that sends no frames, as received; `time` is in s since the epoch. Raises LogError.
 
@@ -664,8 +674,9 @@ class LogWriter:
         try:
             self._end_sweeps()
             self._commit()
-            index = reader.pack_index(reader.index_of(self._decoder), self._file.tell())
-            self._writer.add_attachment(0, round(self._time * 1e9), reader.NAME, reader.MEDIA_TYPE, index)
+            index = replace(reader.index_of(self._decoder), read_as=self._metadata.read_as)
+            packed = reader.pack_index(index, self._file.tell())
+            self._writer.add_attachment(0, round(self._time * 1e9), reader.NAME, reader.MEDIA_TYPE, packed)
             self._writer.finish()  # type: ignore[no-untyped-call]
             self._file.flush()
         finally:

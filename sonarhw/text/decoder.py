@@ -2,12 +2,13 @@
 
 import codecs
 import re
-from collections import Counter
+from collections import Counter, deque
 from dataclasses import replace
+from statistics import median
 
-from sonarhw.text.layouts import HEADER, BinaryFrame, Layout, LineFormat, MatchingProcess, Printed, Units
+from sonarhw.text.layouts import HEADER, PART, BinaryFrame, Layout, LineFormat, MatchingProcess, Printed, Units
 
-MOST_LINE = 4000  # bytes; more without the end of a line are noise
+MOST_LINE = 65_536  # bytes; more without the end of a line are noise
 MOST_PAUSE = 1.25  # s within a line: longer than the 1 s that pulseIn() waits for an echo, shorter than a bootloader
 _SHOWN = 60  # characters of an example
 _CUT = "0123456789.-+"  # characters that may be missing at the start of a number
@@ -19,6 +20,36 @@ HALF_LINES = "half lines"  # the first line after opening, and lines with missin
 OTHER_TEXT = "lines of other text"  # banners, messages
 SLOW = "lines that take more than 1 s to match"
 NOISE = "noise"  # lines with bytes that are not text
+
+
+class Pauses:
+    """The pauses before the lines of readings that have several lines: a device measures between two readings."""
+
+    def __init__(self) -> None:
+        self._within = deque[float](maxlen=_MOST_PAUSES)  # s
+        self._between = deque[float](maxlen=_MOST_PAUSES)
+        self._is_open = False
+
+    def add(self, pause: float, is_part: bool, is_end: bool) -> None:
+        """Add the pause before a line (s), which is a part or the end of a reading, or neither."""
+        if is_part or is_end:
+            (self._within if self._is_open else self._between).append(pause)
+        self._is_open = is_part
+
+    @property
+    def agree(self) -> bool | None:
+        """Whether the device pauses between readings, and not within; None if the pauses show neither."""
+        if min(len(self._within), len(self._between)) < _FEWEST_PAUSES:
+            return None
+        within, between = median(self._within), median(self._between)
+        if max(within, between) < _LEAST_PAUSE or min(within, between) > _AT_ONCE * max(within, between):
+            return None
+        return between > within
+
+
+_MOST_PAUSES, _FEWEST_PAUSES = 400, 4
+_LEAST_PAUSE = 0.01  # s
+_AT_ONCE = 0.2  # of the pause between readings; a sketch may also measure between the lines of a reading
 
 
 class LineDecoder:
@@ -36,12 +67,17 @@ class LineDecoder:
         self._begins_whole = begins_whole
         self._cut = not begins_whole  # whether the start of the line may be missing
         self._text = False  # whether another text was printed since the newest reading
+        self.has_header = False  # whether a line has named the columns
+        self.pauses = Pauses()
+        self._pause = 0.0  # s before the next line
         self._utf16: codecs.IncrementalDecoder | None = None
         self._begun = False
 
-    def feed(self, data: bytes) -> list[Printed]:
-        """Return the readings that these bytes complete."""
+    def feed(self, data: bytes, pause: float = 0.0) -> list[Printed]:
+        """Return the readings that these bytes complete. `pause`: s without bytes before them."""
         self._paused = 0.0
+        if not self._rest:
+            self._pause = max(self._pause, pause)
         *whole, self._rest = self._format.ends.split(self._rest + self._plain(data))
         decoded = [reading for raw in whole for reading in self._decode(raw)]
         if len(self._rest) > MOST_LINE:
@@ -104,6 +140,9 @@ class LineDecoder:
         except TimeoutError:
             self.ignored[SLOW] += 1
             return ()
+        self.pauses.add(self._pause, read == PART, isinstance(read, tuple))
+        self._pause = 0.0
+        self.has_header = self.has_header or read == HEADER
         if isinstance(read, str):
             self._text = self._text or (read == HEADER and self.readings > 0)
             return ()
@@ -137,6 +176,7 @@ class BinaryDecoder:
     """Decodes the binary messages of a sensor that prints no text, as `LineDecoder` does lines."""
 
     encoding = "binary"
+    has_header = False
 
     def __init__(self, frame: BinaryFrame, units: Units) -> None:
         self.ignored = Counter({NOISE: 0})  # bytes
@@ -144,8 +184,9 @@ class BinaryDecoder:
         self.example = ""
         self._frame, self._units = frame, units
         self._rest = b""
+        self.pauses = Pauses()
 
-    def feed(self, data: bytes) -> list[Printed]:
+    def feed(self, data: bytes, pause: float = 0.0) -> list[Printed]:
         """Return the readings that these bytes complete. A message with a wrong checksum is skipped."""
         self._rest += data
         decoded, size = [], self._frame.size
@@ -206,14 +247,24 @@ def without_stamp(line: str) -> str:
 
 
 def utf16_of(start: bytes) -> str | None:
-    """Return the encoding that the first bytes state with a byte order mark; None without one of UTF-16."""
+    """Return which UTF-16 the first bytes are, by a byte order mark or the zeros of ASCII; None for other text."""
     if start[:2] == b"\xff\xfe" and start[3:4] == b"\0" and start[2:4] != b"\0\0":
         return "utf-16-le"
     if start[:2] == b"\xfe\xff" and start[2:3] == b"\0" and start[2:4] != b"\0\0":
         return "utf-16-be"
-    return None
+    if len(start) < 2 * _WITHOUT_MARK:
+        return None
+    even, odd = start[: 2 * _WITHOUT_MARK : 2], start[1 : 2 * _WITHOUT_MARK : 2]
+    if not any(odd) and _ASCII.fullmatch(even):
+        return "utf-16-le"
+    return "utf-16-be" if not any(even) and _ASCII.fullmatch(odd) else None
 
 
+_WITHOUT_MARK = 16  # characters of ASCII that show UTF-16 without its mark
+_ASCII = re.compile(rb"[\t\r\n -~]+")
+
+
+_ESCAPES = re.compile(rb"\x1b\[[0-9;?]*[A-Za-z]")  # colours of terminals
 _SPACES = " \r\n\v\f"
 _CONTROL = re.compile(rb"[\0-\x08\x0e-\x1f]")
 _MOST_FOREIGN = 0.25  # share of bytes above 127 in a text in cp1252
@@ -225,6 +276,7 @@ def text_of(raw: bytes) -> tuple[str | None, str]:
 
     A tab at the end stays: an empty cell follows it.
     """
+    raw = _ESCAPES.sub(b"", raw)
     encoding = encoding_of(raw, line=True)
     if encoding is None:
         return None, "utf-8"

@@ -11,6 +11,8 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from dataclasses import field as of_dataclass
+from functools import lru_cache
 from typing import Any, Final, Literal
 
 from sonarhw.errors import InputError
@@ -44,6 +46,7 @@ class Printed:
     restarted: bool = False  # whether a banner or another text was printed since the reading before
     time: float | None = None  # s, as printed; None: the text states none
     pose: tuple[float, float, float] | None = None  # of a robot: x, y (m) and heading (rad); None: none is stated
+    degrees_assumed: bool = of_dataclass(default=False, compare=False)  # whether nothing states the unit of the heading
 
     @property
     def ranges(self) -> tuple[float, ...]:
@@ -666,7 +669,9 @@ def csv_format(units: Units, names: ColumnNames | None = None) -> LineFormat:
         printed = units.printed(heading, texts, columns.range.unit)
         if printed is None:
             return None
-        return (replace(printed, time=_time_in(cells, columns), pose=_pose_in(cells, columns.pose)),)
+        time, pose = _time_in(cells, columns), _pose_in(cells, columns.pose)
+        assumed = units.angle is None and columns.angle.unit is None
+        return (replace(printed, time=time, pose=pose, degrees_assumed=assumed),)
 
     def read(line: str) -> Read:
         nonlocal columns, below
@@ -711,44 +716,80 @@ def cells_of(line: str, commas_separate: bool = True) -> list[str]:
 
 
 def json_format(units: Units) -> LineFormat:
-    """Return the format of JSON objects, one a line, with keys for angle and range, also within other objects."""
+    """Return the format of JSON, one text a line, with keys for angle and range, also within other objects."""
 
     def read(line: str) -> Read:
-        record = json_record(line)
-        columns = columns_of([*record]) if record else None
-        if not isinstance(columns, Columns) or record is None:
-            return None
-        values = [*record.values()]
-        heading, distance = values[columns.heading], values[columns.ranges[0]]
-        echoes = distance if isinstance(distance, list) else [distance]
-        possible = all(echo is None or isinstance(echo, str) or _is_number(echo) for echo in echoes)
-        if not _is_number(heading) or not possible:
-            return None
-        try:
-            angle = units.heading(str(heading), columns.angle.unit)
-        except ValueError:
-            return None
-        texts = [None if echo is None else str(echo) for echo in echoes]
-        angle = -angle if columns.angle.clockwise else angle
-        printed = units.printed(angle, texts, columns.range.unit)
-        pose = _pose_in([str(value) for value in values], columns.pose)
-        return None if printed is None else (replace(printed, pose=pose),)
+        printed = [_of_record(record, units) for record in json_records(line)]
+        return tuple(reading for reading in printed if reading is not None) or None
 
     return LineFormat(read, LINE_ENDS, lambda line: isinstance(read(line), tuple))
 
 
-_QUOTED_NUMBER = re.compile(r"([+-]?\d+(?:\.\d+)?)\s*([^\W\d_]{0,12}|°)")
-
-
-def json_record(line: str) -> dict[str, Any] | None:
-    """Return the values in a JSON object by their own keys; of a key that occurs in several objects, by all keys."""
-    if not line.startswith("{"):
+def _of_record(record: dict[str, Any], units: Units) -> Printed | None:
+    columns = _columns_of_keys(tuple(record))
+    if not isinstance(columns, Columns):
+        return None
+    values = [*record.values()]
+    heading, distance = values[columns.heading], values[columns.ranges[0]]
+    echoes = distance if isinstance(distance, list) else [distance]
+    possible = all(echo is None or isinstance(echo, str) or _is_number(echo) for echo in echoes)
+    if not _is_number(heading) or not possible:
         return None
     try:
-        record = json.loads(line)
-    except (ValueError, RecursionError):
+        angle = units.heading(str(heading), columns.angle.unit)
+    except ValueError:
         return None
-    return dict(_leaves(record))
+    texts = [None if echo is None else str(echo) for echo in echoes]
+    angle = -angle if columns.angle.clockwise else angle
+    printed = units.printed(angle, texts, columns.range.unit)
+    assumed = units.angle is None and columns.angle.unit is None
+    pose = _pose_in([str(value) for value in values], columns.pose)
+    return None if printed is None else replace(printed, pose=pose, degrees_assumed=assumed)
+
+
+_columns_of_keys = lru_cache(64)(columns_of)
+_QUOTED_NUMBER = re.compile(r"([+-]?\d+(?:\.\d+)?)\s*([^\W\d_]{0,12}|°)")
+_SCAN_KEYS = ("angle_min", "angle_increment", "ranges")  # of the message LaserScan, in radians and metres
+
+
+def json_records(line: str) -> list[dict[str, Any]]:
+    """Return the values of each reading in a JSON text by their keys; of a key in several objects, by all keys.
+
+    A text is an object, a list of objects, or an object with a list of angles and one of ranges.
+    """
+    if not line.startswith(("{", "[")):
+        return []
+    try:
+        return [*_records_in(json.loads(line))]
+    except (ValueError, RecursionError):
+        return []
+
+
+def _records_in(content: object) -> Iterator[dict[str, Any]]:
+    if isinstance(content, list):
+        for item in content:
+            yield from _records_in(item)
+    if not isinstance(content, dict):
+        return
+    of_objects = [value for value in content.values() if isinstance(value, list) and isinstance((*value, 0)[0], dict)]
+    if of_objects:
+        yield from _records_in(of_objects)
+        return
+    record = dict(_leaves(content))
+    columns = _columns_of_keys(tuple(record))
+    if all(key in record for key in _SCAN_KEYS):
+        begin, turn, ranges = (record[key] for key in _SCAN_KEYS)
+        least, most = record.get("range_min", 0.0), record.get("range_max", math.inf)
+        for k, distance in enumerate(ranges):
+            inside = _is_number(distance) and least <= distance <= most
+            yield {"angle_rad": begin + k * turn, "range_m": distance if inside else None}
+    elif isinstance(columns, Columns) and isinstance([*record.values()][columns.heading], list):
+        heading, distance = ([*record][k] for k in (columns.heading, columns.ranges[0]))
+        if isinstance(record[distance], list) and len(record[distance]) == len(record[heading]):
+            for angle, echo in zip(record[heading], record[distance], strict=True):
+                yield {heading: angle, distance: echo}
+    else:
+        yield record
 
 
 def _leaves(record: dict[str, Any], depth: int = 0) -> Iterator[tuple[str, Any]]:

@@ -1,20 +1,32 @@
 """Proposes the layout of unknown text from its words and numbers, with the evidence and what it could not decide."""
 
-import math
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import pairwise
 from statistics import median
 
-from sonarhw.errors import InputError
 from sonarhw.text.decoder import make_decoder, text_of, utf16_of, without_stamp
+from sonarhw.text.evidence import (
+    BY_SWEEP,
+    DEGREES_ASSUMED,
+    FEWEST,
+    LARGEST,
+    REGULAR,
+    Decision,
+    Label,
+    angle_question,
+    angle_unit,
+    both_ways,
+    column_roles,
+    radar_roles,
+    range_unit,
+    sweeps,
+)
 from sonarhw.text.layouts import (
     ANGLE_DISTANCE,
     LINE_ENDS,
-    MOST_HEADING,
     PRESETS,
     ColumnNames,
     Columns,
@@ -24,36 +36,25 @@ from sonarhw.text.layouts import (
     column_names,
     columns_of,
     ends_of,
-    json_record,
+    json_records,
     named_columns,
+    parse_template,
 )
 from sonarhw.text.words import (
-    ANGLE_UNITS,
-    RANGE_UNITS,
     STEP,
     UNIT_NAMES,
     ColumnKind,
     NameMeaning,
     is_german,
-    is_metric,
     is_no_echo,
     meaning_of,
     unit_of_word,
     words_of,
 )
 
-FEWEST = 4  # readings
 MOST_LINES = 2000  # that a proposal looks at
 _MOST_BYTES = 400_000
-_HELD, _MOST_HELD = 24, 400  # readings, until a unit is decided
 _SHARE = 0.55  # of the lines, that a layout must read
-# m: the longest range in a room is at least and at most, with the usual board; their median is at least
-_LEAST_ROOM, _MOST_ROOM, _LEAST_MIDDLE = 0.5, 4.05, 0.08
-_MOST_MIDDLE = 2.5  # m; where more than half of the ranges are beyond, a more common unit that fits is the right one
-_SMALLEST, _LARGEST = 0.1, 11.0  # m, longest range of any scene and board
-_FINEST, _COARSEST = 5e-5, 0.06  # m, plausible resolution of a printed range
-_COMMON = ("cm", "mm", "m", "in", "ft", "us")  # units that sketches print without a name, the most common first
-_METRIC = ("cm", "mm", "m", "us")
 _MOST_SHOWN = 100  # rows of a table
 
 
@@ -79,15 +80,18 @@ NOTHING = LayoutProposal()
 NAMED_CLOCKWISE = "angles grow clockwise, as named"  # evidence
 
 
-def propose(data: bytes, begins_whole: bool = False, known: Layout | None = None) -> LayoutProposal:
+def propose(
+    data: bytes, begins_whole: bool = False, known: Layout | None = None, pauses: Sequence[tuple[int, float]] = ()
+) -> LayoutProposal:
     """Return the proposal for the bytes of a device, or of a file (`begins_whole`).
 
-    `known`: what the user states about units and step; its pattern and preset are not used.
+    `known`: what the user states about units and step; its pattern and preset are not used. `pauses`: places in the
+    bytes, and for how long the device paused before them, s.
     """
     stated = known or Layout()
     data = data[:_MOST_BYTES]
     if encoding := utf16_of(data):
-        data = data.decode(encoding, "replace").replace("\ufeff", "").encode()
+        data, pauses = data.decode(encoding, "replace").replace("\ufeff", "").encode(), ()
     for name in ("a02yyuw", "urm37"):
         if (binary := _binary(name, data, stated)) is not None:
             return binary
@@ -100,7 +104,8 @@ def propose(data: bytes, begins_whole: bool = False, known: Layout | None = None
             continue
         proposal = _of_lines(lines[:MOST_LINES], ends, stated, begins_whole)
         if proposal.layout is not None:
-            proposal = _checked(proposal, data, begins_whole)
+            ordered = _ordered(proposal, data, begins_whole, pauses)
+            proposal = _checked(ordered, data, begins_whole)
         if proposal.layout is not None:
             return proposal
         if proposal.questions and not best.questions:
@@ -108,47 +113,6 @@ def propose(data: bytes, begins_whole: bool = False, known: Layout | None = None
         elif not ends and proposal.example:  # a row says more than the line above it
             best = replace(best, example=proposal.example)
     return best
-
-
-class UnitChoice:
-    """Decides the unit of readings without one: holds them back until only one unit is plausible."""
-
-    def __init__(self) -> None:
-        self.notes: tuple[str, ...] = ()
-        self._unit: str | None = None
-        self._held: list[tuple[float, Printed]] = []
-
-    def add(self, readings: Sequence[tuple[float, Printed]], last: bool = False) -> list[tuple[float, Printed]]:
-        """Return readings with units, each with its time; none while the unit is undecided.
-
-        `last`: no more will follow. Raises InputError if several units are plausible.
-        """
-        if self._unit is None and not self._held and not any(map(_lacks_unit, (reading for _, reading in readings))):
-            return [*readings]
-        self._held += readings
-        if self._unit is None and not self._decide(last):
-            return []
-        held, self._held = self._held, []
-        scale = RANGE_UNITS[self._unit or "m"]
-        return [
-            (when, reading if reading.scale is not None else replace(reading, scale=scale)) for when, reading in held
-        ]
-
-    def _decide(self, last: bool) -> bool:
-        numbers = [number for _, reading in self._held if _lacks_unit(reading) for number in reading.numbers]
-        if len(self._held) < _HELD and not last:
-            return False
-        decision = _range_unit(numbers, NameMeaning(), Layout())
-        if decision.unit is None and not last and len(self._held) < _MOST_HELD:
-            return False
-        if decision.unit is None:
-            raise InputError(decision.question)
-        self._unit, self.notes = decision.unit, (decision.evidence,)
-        return True
-
-
-def _lacks_unit(printed: Printed) -> bool:
-    return printed.scale is None and bool(printed.numbers)
 
 
 def sweep_text(proposal: LayoutProposal) -> tuple[str, ...]:
@@ -217,6 +181,60 @@ def _step_question(stated: Layout, sensors: int) -> tuple[str, ...]:
     return ("no angle is printed: add step=DEGREES, the turn of the table between two readings",)
 
 
+_Order = tuple[list[Printed], bool | None]  # the readings, and whether the pauses agree with the order
+
+
+def _ordered(
+    proposal: LayoutProposal, data: bytes, begins_whole: bool, pauses: Sequence[tuple[int, float]]
+) -> LayoutProposal:
+    """Return a proposal of several lines a reading with the order of lines that the text shows, or with the question.
+
+    The pauses of the device show it, or a sweep forwards that is like the one backwards, or the start of a whole text.
+    """
+    layout = proposal.layout
+    assert layout is not None
+    parts = layout.pattern.split("\\n")
+    if len(parts) < 2:
+        return proposal
+    turned = [replace(layout, pattern="\\n".join([*parts[k:], *parts[:k]])) for k in range(len(parts))]
+    read = [_read_in_order(order, data, begins_whole, pauses) for order in turned]
+    by_pauses = next((k for k, (_, agree) in enumerate(read) if agree), None)
+    by_sweeps = _most_alike([both_ways(readings) for readings, _ in read])
+    best = by_sweeps if by_sweeps is not None else by_pauses
+    why = "the device pauses before it" if by_sweeps is None else "sweeps forwards and backwards are then alike"
+    if best is None and begins_whole and _begins_with_angle(layout):
+        best, why = 0, "the first of the text"
+    if best is None or (by_sweeps is not None and by_pauses not in (None, by_sweeps)):
+        orders = " or ".join(f"pattern={order.pattern}" for order in turned[:2])
+        question = f"a reading may begin with each of its lines: add {orders}"
+        return replace(proposal, questions=(*proposal.questions, question))
+    begins = f"a reading begins with the line {turned[best].pattern.split(chr(92) + 'n')[0]!r}: {why}"
+    return replace(proposal, layout=turned[best], evidence=(begins, *proposal.evidence))
+
+
+def _most_alike(differences: Sequence[float]) -> int | None:
+    """Return the order in which sweeps forwards and backwards differ clearly least; None without one."""
+    least = min(differences)
+    others = [difference for difference in differences if difference > least]
+    return differences.index(least) if others and least < _ALIKE * min(others) else None
+
+
+_ALIKE = 0.5  # of the differences in the other order
+
+
+def _read_in_order(layout: Layout, data: bytes, begins_whole: bool, pauses: Sequence[tuple[int, float]]) -> _Order:
+    decoder = make_decoder(replace(layout, step=layout.step or 1.0) if layout.angle == STEP else layout, begins_whole)
+    starts = [(0, 0.0), *((start, pause) for start, pause in pauses if 0 < start < len(data))]
+    ends = [*(start for start, _ in starts[1:]), len(data)]
+    pieces = zip(starts, ends, strict=True)
+    readings = [printed for (start, pause), end in pieces for printed in decoder.feed(data[start:end], pause)]
+    return readings, decoder.pauses.agree
+
+
+def _begins_with_angle(layout: Layout) -> bool:
+    return parse_template(layout.pattern).fields[0].kind is ColumnKind.ANGLE
+
+
 def _checked(proposal: LayoutProposal, data: bytes, begins_whole: bool) -> LayoutProposal:
     """Return the proposal with the readings that its layout gives, or without a layout if it reads too little."""
     layout = proposal.layout
@@ -228,7 +246,12 @@ def _checked(proposal: LayoutProposal, data: bytes, begins_whole: bool) -> Layou
     least = 1 if begins_whole and layout.preset == "csv" else FEWEST  # whose header names the columns
     if len(readings) < least or len(readings) < others * _SHARE:
         return replace(proposal, layout=None)
-    return replace(proposal, readings=tuple(readings))
+    proposal = replace(proposal, readings=tuple(readings))
+    if DEGREES_ASSUMED in proposal.evidence:
+        named = not any(fact.endswith(BY_SWEEP) for fact in proposal.evidence)
+        question = angle_question([reading.heading or 0.0 for reading in readings], begins_whole, named)
+        proposal = replace(proposal, questions=tuple(filter(None, (*proposal.questions, question))))
+    return proposal
 
 
 # one kind of line after the other
@@ -302,8 +325,9 @@ def _unit_of_model(model: str) -> str | None:
 
 
 def _json(lines: list[str], ends: str, stated: Layout) -> LayoutProposal:
-    records = [record for line in lines if (record := json_record(line))]
-    if ends or len(records) < max(FEWEST, _SHARE * len(lines)):
+    per_line = [json_records(line) for line in lines]
+    records = [record for of_line in per_line for record in of_line]
+    if ends or len(records) < FEWEST or sum(map(bool, per_line)) < _SHARE * len(lines):
         return LayoutProposal()
     keys = [*records[len(records) // 2]]
     columns = columns_of(keys)
@@ -318,25 +342,15 @@ def _json(lines: list[str], ends: str, stated: Layout) -> LayoutProposal:
         [float(cell) for cell in column if isinstance(cell, int | float)] for column in zip(*values, strict=True)
     ]
     layout = replace(stated, preset="jsonl", pattern="", ends="")
-    angle, reach = _angle_unit(numbers[0], columns.angle, stated), _range_unit(numbers[1], columns.range, stated)
+    angle, reach = angle_unit(numbers[0], columns.angle, stated), range_unit(numbers[1], columns.range, stated)
     layout = replace(
         layout, unit=reach.unit if reach.assumed else stated.unit, angle=angle.unit if angle.assumed else stated.angle
     )
     return _joined(layout, columns.angle.clockwise, angle, reach, lines)
 
 
-@dataclass(frozen=True)
-class _Unit:
-    """A decision on a unit."""
-
-    unit: str | None
-    assumed: bool = False
-    evidence: str = ""
-    question: str = ""
-
-
 def _joined(
-    layout: Layout, clockwise: bool, angle: _Unit, reach: _Unit, lines: list[str], *evidence: str
+    layout: Layout, clockwise: bool, angle: Decision, reach: Decision, lines: list[str], *evidence: str
 ) -> LayoutProposal:
     facts = (*evidence, angle.evidence, reach.evidence, NAMED_CLOCKWISE if clockwise else "")
     asked = (angle.question, reach.question)
@@ -359,13 +373,13 @@ def _of_named(lines: list[str], stated: Layout, names: ColumnNames) -> LayoutPro
         return LayoutProposal(example=lines[0][:60])
     rows = [cells[: read.count] for cells in cut[first:] if len(cells) >= read.count]
     named = names.heading in cut[first]
-    angle = _Unit("deg", True)
+    angle = Decision("deg", True)
     if stated.angle or read.angle.unit or read.angle.doubtful:
-        angle = _angle_unit((), read.angle, stated)
+        angle = angle_unit((), read.angle, stated)
     numbers = _column(rows, read.ranges[0])
-    reach = _range_unit(numbers, read.range, stated, lines[first : first + 1])
-    if (reach.assumed or reach.question) and not (stated.unit or stated.scale) and max(numbers, default=0) <= _LARGEST:
-        reach = _Unit("m", True, "range in metres, because no unit is stated; unit= changes it")
+    reach = range_unit(numbers, read.range, stated, lines[first : first + 1])
+    if (reach.assumed or reach.question) and not (stated.unit or stated.scale) and max(numbers, default=0) <= LARGEST:
+        reach = Decision("m", True, "range in metres, because no unit is stated; unit= changes it")
     layout = replace(stated, preset="csv", pattern="", ends="", unit=reach.unit, angle=angle.unit)
     columns_read = f"columns {names.heading!r} and {names.range!r}"
     where = f"{columns_read} below {lines[first]!r}" if named else columns_read
@@ -450,8 +464,8 @@ def _with_header(
     begins_whole: bool,
 ) -> LayoutProposal:
     numbers = [_column(rows, k) for k in (columns.heading, columns.ranges[0])]
-    angle = _angle_unit(numbers[0], columns.angle, stated)
-    reach = _range_unit(numbers[1], columns.range, stated, (header,))
+    angle = angle_unit(numbers[0], columns.angle, stated)
+    reach = range_unit(numbers[1], columns.range, stated, (header,))
     lines_below = lines[lines.index(header) + 1 :]
     in_order = len(cells) == 2 and columns.heading == 0
     if begins_whole or lines.count(header) > 1:
@@ -478,7 +492,7 @@ def _with_header(
     return _joined(layout, columns.angle.clockwise, angle, reach, lines, f"header {header!r}")
 
 
-def _pattern_of_columns(lines: list[str], columns: Columns, angle: _Unit, reach: _Unit, stated: Layout) -> Layout:
+def _pattern_of_columns(lines: list[str], columns: Columns, angle: Decision, reach: Decision, stated: Layout) -> Layout:
     example = next((line for line in lines if len(cells_of(line)) == columns.count), "")
     separator = next((mark for mark in ";\t|," if mark in example), " ")
     fields = ["{-}"] * columns.count
@@ -500,104 +514,12 @@ def _column(rows: Iterable[Sequence[str]], k: int) -> list[float]:
     return [float(row[k].replace(",", ".")) for row in rows if _is_number_text(row[k])]
 
 
-# units
-
-
-def _range_unit(numbers: Sequence[float], named: NameMeaning, stated: Layout, words: Sequence[str] = ()) -> _Unit:
-    """Return the unit of printed ranges: stated by the user or the text, else the only plausible one.
-
-    `words`: lines of the text, whose language may exclude inches and feet.
-    """
-    if stated.scale is not None:
-        return _Unit(None, True, f"range times {stated.scale:g} m: as given")
-    if stated.unit is not None:
-        return _Unit(stated.unit, True, f"range in {UNIT_NAMES[stated.unit]}: as given")
-    if named.unit is not None and named.unit in RANGE_UNITS:
-        return _Unit(named.unit, False, f"range in {UNIT_NAMES[named.unit]}: {named.word!r} in the text")
-    metric = is_metric(word for line in words for word in words_of(line))
-    candidates = plausible_units(numbers, named.doubtful or (_METRIC if metric else _COMMON))
-    echoes = [number for number in numbers if number > 0]
-    spread = f"{min(echoes, default=0):g} to {max(echoes, default=0):g}"
-    if len(candidates) == 1:
-        (unit,) = candidates
-        name = UNIT_NAMES[unit]
-        why = f"{name} assumed, because only in {name} the numbers {spread} fit a room and the usual board"
-        return _Unit(unit, True, f"unit of the range not stated: {why}; unit= changes it")
-    options = " or ".join(f"unit={unit}" for unit in candidates or RANGE_UNITS)
-    names = " and ".join(UNIT_NAMES[unit] for unit in candidates) or "no unit"
-    return _Unit(None, False, "", f"unit of the range not stated: {spread} fits {names}: add {options}")
-
-
-def plausible_units(numbers: Sequence[float], among: Sequence[str] = _COMMON) -> tuple[str, ...]:
-    """Return the units in which ranges fit the usual board and a room, the most common unit first.
-
-    A unit in which they fit only a larger or smaller scene counts if it is more common than all that fit.
-    """
-    echoes = sorted(number for number in numbers if number > 0)
-    if not echoes:
-        return ()
-    counts = Counter(echoes)
-    most, count = echoes[-1], counts[echoes[-1]]
-    if count >= 3 and count >= 0.08 * len(echoes) and len(counts) > 2:  # may stand for no echo
-        echoes = [number for number in echoes if number != most]
-    quantum = _quantum(echoes)
-    chosen: list[str] = []
-    fitting = False
-    for unit in among:
-        scale = RANGE_UNITS[unit]
-        longest = echoes[-1] * scale
-        if not (_FINEST <= quantum * scale <= _COARSEST and _SMALLEST <= longest <= _LARGEST):
-            continue
-        fits = _LEAST_ROOM <= longest <= _MOST_ROOM and median(echoes) * scale >= _LEAST_MIDDLE
-        if fitting and (median(echoes) * scale > _MOST_MIDDLE or (unit == "us" and "mm" in chosen)):
-            continue
-        if fits or not fitting:
-            chosen.append(unit)
-        fitting = fitting or fits
-    return tuple(chosen)
-
-
-def _quantum(numbers: Sequence[float]) -> float:
-    for decimals in range(5):
-        if all(abs(number - round(number, decimals)) < 1e-9 for number in numbers):
-            return float(10.0**-decimals)
-    return 1e-4
-
-
-def _angle_unit(numbers: Sequence[float], named: NameMeaning, stated: Layout) -> _Unit:
-    """Return the unit of printed angles: stated by the user or the text, else the only plausible one."""
-    unit = stated.angle or named.unit
-    if unit == STEP:
-        if stated.step is not None:
-            return _Unit(STEP, False, f"angle in steps of {stated.step:g}°: as given")
-        return _Unit(STEP, False, "", "the angle is counted in steps: add step=DEGREES, the turn of one step")
-    if named.doubtful and stated.angle is None:
-        return _Unit(None, False, "", f"{named.word!r} may be degrees or gradians: add angle=deg or angle=gon")
-    if unit is not None and unit in ANGLE_UNITS:
-        how = "as given" if stated.angle else f"{named.word!r} in the text"
-        return _Unit(unit, bool(stated.angle), f"angle in {UNIT_NAMES[unit]}: {how}")
-    if not numbers:
-        return _Unit(None)
-    most, span = max(map(abs, numbers)), max(numbers) - min(numbers)
-    whole = all(float(number).is_integer() for number in numbers)
-    if most <= 2 * math.pi + 0.1 and not whole and (span < 6.0 or len({*numbers}) > 8):
-        why = f"radians assumed, because all are below {most + 0.01:.2f}"
-        return _Unit("rad", True, f"unit of the angle not stated: {why}; angle= changes it")
-    if most > 400:
-        return _Unit(
-            None, False, "", f"angles up to {most:g} are no degrees: add angle=step and step=DEGREES, or angle=deg"
-        )
-    if most > 360:
-        return _Unit(None, False, "", f"angles up to {most:g} may be gradians or degrees: add angle=gon or angle=deg")
-    return _Unit("deg", False, "unit of the angle not stated: degrees assumed; angle= changes it")
-
-
 # lines of words and numbers
 
 
-_NUMBER = re.compile(r"(?<![^\W_])(?:(?<![\d.,])[+-])?(?:\d+(?:\.\d+)?|\.\d+)(?:[eE][+-]?\d+)?(?!\d)")
-_COMMA_NUMBER = re.compile(r"(?<![^\W_])(?:(?<![\d.,])[+-])?(?:\d+(?:[.,]\d+)?)(?!\d)")
-_GLUED_NUMBER = re.compile(r"(?:(?<![\d.,])[+-])?\d+(?:\.\d+)?")  # to letters: A90D23
+_NUMBER = re.compile(r"(?<![^\W_])(?:(?<![\d.])[+-])?(?:\d+(?:\.\d+)?|\.\d+)(?:[eE][+-]?\d+)?(?!\d)")
+_COMMA_NUMBER = re.compile(r"(?<![^\W_])(?:(?<![\d.])[+-])?(?:\d+(?:[.,]\d+)?)(?!\d)")
+_GLUED_NUMBER = re.compile(r"(?:(?<![\d.])[+-])?\d+(?:\.\d+)?")  # to letters: A90D23
 _SILENT_WORDS = re.compile(r"[^\W\d_][^\d,;|:=]*|--?-?")
 
 
@@ -635,7 +557,7 @@ def _numbers(
     best = LayoutProposal()
     for number in (_COMMA_NUMBER, _NUMBER, _GLUED_NUMBER):
         tokens = [_tokens(line, number) for line in lines]
-        if number is _COMMA_NUMBER and sum(map(_commas, tokens)) <= 0:
+        if number is _COMMA_NUMBER and not _has_decimal_commas(tokens, lines):
             continue
         for group in _records(tokens, begins_whole):
             proposal = _of_records(group, lines, ends, stated, named, header)
@@ -644,6 +566,16 @@ def _numbers(
             if proposal.questions and not best.questions:
                 best = proposal
     return best
+
+
+def _has_decimal_commas(tokens: list[_Tokens], lines: list[str]) -> bool:
+    votes = Counter(map(_commas, tokens))
+    pairs = [[float(text) for text in _tokens(line, _NUMBER).numbers[::2]] for line in lines[:3]]
+    is_sweep = any(len(firsts) > 2 * FEWEST and sweeps(firsts) >= REGULAR for firsts in pairs)  # 0,120;5,121;10,121
+    return votes[1] > _FEW * len(lines) >= votes[-1] and not is_sweep
+
+
+_FEW = 0.1  # of the lines
 
 
 def _commas(line: _Tokens) -> int:
@@ -663,13 +595,14 @@ class _Records:
 
     rows: list[list[_Tokens]]
     height: int
-    order: str = ""  # why the lines of a reading have this order
+    prefixed: bool = False  # whether another word stands before some lines, as `S` at the start of a turn
 
     @property
     def literals(self) -> tuple[str, ...]:
         """The literals of a reading; line ends are in them."""
         parts: list[str] = [""]
-        for k, line in enumerate(self.rows[0]):
+        usual = min(self.rows, key=lambda row: len(row[0].literals[0])) if self.prefixed else self.rows[0]
+        for k, line in enumerate(usual):
             literals = list(line.literals)
             parts[-1] += ("\n" if k else "") + literals[0]
             parts += literals[1:]
@@ -688,16 +621,21 @@ def _records(tokens: list[_Tokens], begins_whole: bool) -> list[_Records]:
         return []
     shape, most = counts.most_common(1)[0]
     total = sum(counts.values())
-    alone = _Records([[line] for line in tokens if line.shape == shape], 1)
+    variants = {other for other in counts if shape[0].strip() and _is_prefixed(other, shape)}
+    alone = _Records([[line] for line in tokens if line.shape in (shape, *variants)], 1, prefixed=bool(variants))
     groups = []
     if most < 0.7 * total:
-        for height in (2, 3, 4):
-            if (group := _repeated(tokens, counts, height, begins_whole)) is not None:
-                groups.append(group)
-                break
+        repeated = [_repeated(tokens, counts, height, begins_whole) for height in (2, 3, 4)]
+        possible = [group for group in repeated if group is not None]
+        groups += sorted(possible, key=lambda group: -len(group.rows) * group.height)[:1]
     if most >= FEWEST or len(shape) > 8:
         groups.append(alone)
     return groups
+
+
+def _is_prefixed(shape: tuple[str, ...], usual: tuple[str, ...]) -> bool:
+    """Return whether a line is the usual one after another word: `S theta:` and `theta:`."""
+    return shape != usual and shape[1:] == usual[1:] and shape[0].endswith(f" {usual[0].strip()} ")
 
 
 def _repeated(
@@ -724,9 +662,7 @@ def _repeated(
             k += 1
     if len(rows) < FEWEST or len(rows) * height < 0.5 * len(lines):
         return None
-    first = f"a reading begins with the line {shapes[0][0].strip()!r}: "
-    why = "the first of the text" if begins_whole else "assumed; in another order, write a pattern="
-    return _Records(rows, height, first + why)
+    return _Records(rows, height)
 
 
 def _is_silence(line: _Tokens) -> bool:
@@ -760,21 +696,13 @@ def _phrase(text: str, german_words: Iterable[str]) -> NameMeaning:
     return whole
 
 
-_SUFFIX = re.compile(r"\s*([^\W\d_]+|[°º\"])(?![^\W\d_])\.?\s*([:=]?)")
+_SUFFIX = re.compile(r"\s*([^\W\d_]+|[°º\"'])(?![^\W\d_])\.?\s*([:=]?)")
 
 
-@dataclass(frozen=True)
-class _Label:
-    """What the words around a number say."""
-
-    meaning: NameMeaning
-    named: bool  # whether any word is there
-    between: str = ""  # a unit that may be of this number, or the name of the next one
-
-
-def _labels(literals: Sequence[str], named: list[NameMeaning] | None) -> list[_Label]:
-    if literals[0].rstrip().endswith('"'):  # numbers in quotes are not inches
-        literals = [literal.replace('"', " ") for literal in literals]
+def _labels(literals: Sequence[str], named: list[NameMeaning] | None) -> list[Label]:
+    for mark in "'\"":  # of feet and inches directly after their numbers, else a quote
+        if any(mark in (literal[1:] if k else literal) for k, literal in enumerate(literals)):
+            literals = [literal.replace(mark, " ") for literal in literals]
     words = [word for literal in literals for word in words_of(literal)]
     german = is_german(words)
     starts: list[str] = list(literals)  # what remains of a literal after the unit of the number before
@@ -798,7 +726,7 @@ def _labels(literals: Sequence[str], named: list[NameMeaning] | None) -> list[_L
             between = f"{starts[k].strip()}…{literals[k + 1].strip()}"
         if key.quantity in (ColumnKind.TIME, ColumnKind.OTHER) and suffix.unit is not None and not apart:
             key = NameMeaning()  # 'S1: 23cm' is no time
-        labels.append(_Label(_combined(key, suffix), bool(words_of(starts[k])), between))
+        labels.append(Label(_combined(key, suffix), bool(words_of(starts[k])), between))
     return labels
 
 
@@ -837,7 +765,7 @@ def _of_records(
         question = f"{example!r}: {between!r} is {either}"
         return LayoutProposal(None, questions=(f"{question}; write a pattern=",), lines=len(lines))
     columns = [records.column(k) for k in range(count)]
-    roles = _radar_roles(literals, columns, ends) or _roles(columns, labels)
+    roles = radar_roles(literals, columns, ends) or column_roles(columns, labels)
     if isinstance(roles, str):
         return LayoutProposal(None, questions=(roles,), lines=len(lines), example=example)
     heading, ranges, evidence = roles
@@ -845,21 +773,23 @@ def _of_records(
         asked = f"{example!r}: several ranges may be those of several sensors or echoes; write a pattern="
         return LayoutProposal(None, questions=(asked,), lines=len(lines), example=example)
     numbers = [number for k in ranges for number in columns[k]]
-    reach = _range_unit(numbers, labels[ranges[0]].meaning, stated, (header, *literals))
+    reach = range_unit(numbers, labels[ranges[0]].meaning, stated, (header, *literals))
     units = {labels[k].meaning.unit for k in ranges}
     if len(units) > 1:
         return LayoutProposal(None, questions=(f"{example!r}: ranges in several units; write a pattern=",))
-    facts = [fact for fact in (f"header {header!r}" if header else "", records.order) if fact]
+    facts = [f"header {header!r}"] if header else []
     if heading is None:
-        angle, clockwise = _Unit(None), False
+        angle, clockwise = Decision(None), False
     else:
-        angle = _angle_unit(columns[heading], labels[heading].meaning, stated)
+        angle = angle_unit(columns[heading], labels[heading].meaning, stated)
         clockwise = labels[heading].meaning.clockwise
-    pattern = _pattern(literals, heading, ranges, angle, reach, stated)
+    pattern = ("{text}" if records.prefixed else "") + _pattern(literals, heading, ranges, angle, reach, stated)
     layout = _with_pattern(stated, pattern, reach, angle, ends)
     layout = _as_preset(layout, lines, reach, angle)
     if layout.preset == "arduino-radar" and stated.unit is None:
-        reach = _Unit("cm", False, "range in centimetres: the sketch that separates readings by '.' or '#' prints them")
+        reach = Decision(
+            "cm", False, "range in centimetres: the sketch that separates readings by '.' or '#' prints them"
+        )
         angle = replace(angle, evidence="")
     proposal = _joined(layout, clockwise, angle, reach, lines, *facts, *evidence)
     if heading is None:
@@ -868,7 +798,12 @@ def _of_records(
 
 
 def _pattern(
-    literals: Sequence[str], heading: int | None, ranges: Sequence[int], angle: _Unit, reach: _Unit, stated: Layout
+    literals: Sequence[str],
+    heading: int | None,
+    ranges: Sequence[int],
+    angle: Decision,
+    reach: Decision,
+    stated: Layout,
 ) -> str:
     text = _escaped(literals[0].lstrip())
     for k in range(len(literals) - 1):
@@ -887,7 +822,7 @@ def _escaped(text: str) -> str:
     return text.replace("\n", "\\n")
 
 
-def _as_preset(layout: Layout, lines: list[str], reach: _Unit, angle: _Unit) -> Layout:
+def _as_preset(layout: Layout, lines: list[str], reach: Decision, angle: Decision) -> Layout:
     """Return the layout as a preset where one reads the same lines."""
     if layout.pattern + layout.ends in ("{deg},{range}.", "{deg}*{range}.", "{deg},{range}#", "{deg}*{range}#"):
         return replace(layout, preset="arduino-radar", pattern="", ends="", unit=None)
@@ -899,138 +834,6 @@ def _as_preset(layout: Layout, lines: list[str], reach: _Unit, angle: _Unit) -> 
     ):
         return replace(layout, preset="csv", pattern="")
     return layout
-
-
-# which number is the angle, and which the range
-
-
-def sweeps(numbers: Sequence[float]) -> float:
-    """Return how regularly numbers change, from 0 to 1: those of an angle have equal steps and equal repetitions."""
-    if len(numbers) < FEWEST or len({*numbers}) < 3:
-        return 0.0
-    runs: list[int] = [1]
-    steps = []
-    for before, after in pairwise(numbers):
-        if after == before:
-            runs[-1] += 1
-        else:
-            runs.append(1)
-            steps.append(round(abs(after - before), 6))
-    usual = median(steps)
-    tolerance = max(1e-3 * usual, 2e-4)
-    same = sum(abs(step - usual) <= max(tolerance, 0.02 * usual) for step in steps) / len(steps)
-    inner = runs[1:-1] or runs
-    usual_run = Counter(inner).most_common(1)[0][1] / len(inner)
-    return same * usual_run
-
-
-def turns_back(numbers: Sequence[float]) -> bool:
-    """Return whether numbers grow and fall, or jump back: an angle does, a counter does not."""
-    signs = {math.copysign(1, after - before) for before, after in pairwise(numbers) if after != before}
-    return len(signs) > 1
-
-
-_REGULAR, _IRREGULAR, _EXACT = 0.75, 0.6, 0.97
-_MOST_STEPS = 100_000  # of an angle that is counted in steps
-_CLEARLY = 0.1  # difference of two such shares
-
-
-_Roles = tuple[int | None, list[int], list[str]]  # columns of the angle and of the ranges, and the evidence
-
-
-def _roles(columns: list[list[float]], labels: list[_Label]) -> _Roles | str:
-    """Return the columns of the angle and of the ranges, with the evidence; or the question that decides."""
-    meanings = [label.meaning for label in labels]
-    angles = [k for k, meaning in enumerate(meanings) if meaning.quantity is ColumnKind.ANGLE]
-    ranges = [k for k, meaning in enumerate(meanings) if meaning.quantity is ColumnKind.RANGE]
-    unsupported = [meaning.word for meaning in meanings if meaning.quantity is ColumnKind.UNSUPPORTED]
-    if unsupported and not ranges:
-        return f"{unsupported[0]!r} is not a unit of a range; expected {', '.join(RANGE_UNITS)}"
-    if len(angles) > 1:
-        moving = [k for k in angles if len({*columns[k]}) > 1]
-        if len(moving) != 1:
-            return "several numbers are named as angles; write a pattern="
-        angles = moving
-    free = [
-        k
-        for k, meaning in enumerate(meanings)
-        if meaning.quantity in (None, ColumnKind.UNSUPPORTED) and len({*columns[k]}) > 1 and k not in (*angles, *ranges)
-    ]
-    evidence: list[str] = []
-    if not angles:
-        angle = _angle_among(columns, free, bool(ranges))
-        if isinstance(angle, str):
-            return angle
-        angles = [] if angle is None else [angle]
-        if angles and not labels[angles[0]].named:
-            evidence.append(f"angle: number {angles[0] + 1} of the line, because it sweeps")
-    if not ranges:
-        rest = [k for k in free if k not in angles]
-        rest = [k for k in rest if not _is_counter(columns[k])] or rest
-        if len(rest) != 1:
-            return (
-                "no number is a range by its name or numbers"
-                if not rest
-                else "several numbers may be the range; write a pattern="
-            )
-        if not angles:
-            # a single number that neither sweeps nor is named
-            return "no number is named as a range or sweeps as an angle; write a pattern="
-        ranges = rest
-        evidence.append(f"range: number {rest[0] + 1} of the line, because it does not sweep")
-    return (angles[0] if angles else None), ranges, evidence
-
-
-def _radar_roles(literals: tuple[str, ...], columns: list[list[float]], ends: str) -> _Roles | None:
-    """Return the roles of the sketch "Arduino radar", which prints `90,23.`; None for other text."""
-    first, *between, last = (literal.strip() for literal in literals)
-    if first or ends + last not in (".", "#") or between not in ([","], ["*"]):
-        return None
-    angle, distance = (sweeps(column) for column in columns)
-    plausible = min(columns[0]) >= 0 and max(columns[0]) <= 360
-    return (0, [1], []) if plausible and angle >= max(_REGULAR, distance - 0.01) else None
-
-
-def _is_counter(numbers: Sequence[float]) -> bool:
-    """Return whether numbers only grow, as times and counters do; large ones may jump back at a restart."""
-    return sweeps(numbers) >= (_REGULAR if _is_large(numbers) and turns_back(numbers) else _IRREGULAR) and (
-        _is_large(numbers) or not turns_back(numbers)
-    )
-
-
-def _angle_among(columns: list[list[float]], free: list[int], range_is_named: bool) -> int | str | None:
-    """Return the column that sweeps; None if none does; a question if several may be the angle."""
-    scores = {k: sweeps(columns[k]) for k in free if max(map(abs, columns[k])) <= _MOST_STEPS}
-    regular = [k for k, score in scores.items() if score >= _REGULAR]
-    if not regular:
-        return None
-    # a time or a counter grows in equal steps, too
-    turning = [k for k in regular if turns_back(columns[k])]
-    counters = [k for k in regular if k not in turning and _may_be_counter(columns[k])]
-    if any(not _is_large(columns[k]) for k in turning):  # a time jumps back where the device restarts
-        counters += [k for k in turning if _is_large(columns[k])]
-    candidates = [k for k in regular if k not in counters] if turning else regular
-    best = max(candidates, key=scores.__getitem__)
-    others = [k for k in candidates if k != best and scores[k] > scores[best] - _CLEARLY]
-    if counters and scores[best] < _EXACT:
-        others += counters
-    if not range_is_named:
-        others += [k for k in scores if k not in (*candidates, *counters) and scores[k] > scores[best] - _CLEARLY]
-    if others:
-        names = " and ".join(f"number {k + 1}" for k in sorted({best, *others}))
-        return f"{names} of the line both sweep: write a pattern= with {{deg}} for the angle"
-    return best
-
-
-def _may_be_counter(numbers: Sequence[float]) -> bool:
-    """Return whether numbers that only grow may be a time or a counter: by ones, or farther than an angle."""
-    step = abs(numbers[1] - numbers[0])
-    return _is_large(numbers) or step == 1.0
-
-
-def _is_large(numbers: Sequence[float]) -> bool:
-    """Return whether numbers are no degrees of a turntable."""
-    return max(map(abs, numbers)) > MOST_HEADING
 
 
 # many numbers in a line: rings of sensors, whole sweeps
@@ -1072,17 +875,20 @@ def _repeated_numbers(
     body = list(literals[skipped + 1 : skipped + 1 + width])
     labels = _labels((literals[skipped] if skipped == 0 else "", *body), None)
     last = width - 1
-    numbers = [row[skipped + last + width * k] for row in rows for k in range(sensors)]
-    reach = _range_unit(numbers, labels[last].meaning, stated)
+    columns = [[row[skipped + last + width * k] for row in rows] for k in range(sensors)]
+    if len(rows) >= FEWEST and sum(len({*column}) > 1 for column in columns) == 1:
+        return None  # settings beside one number
+    numbers = [number for column in columns for number in column]
+    reach = range_unit(numbers, labels[last].meaning, stated)
     field_text = "{range}" if reach.unit is None or reach.assumed or stated.unit else f"{{{reach.unit}}}"
-    angle, facts = _Unit(None), [f"{sensors} readings in a line"]
+    angle, facts = Decision(None), [f"{sensors} readings in a line"]
     if width == 2:
         first = [[row[skipped + width * k] for k in range(sensors)] for row in rows]
         counts = all(row == [*range(sensors)] or row == [*range(1, sensors + 1)] for row in first)
         if counts or labels[0].meaning.quantity is ColumnKind.OTHER:
             lead = "{-}"
-        elif sweeps(first[0]) >= _REGULAR or labels[0].meaning.quantity is ColumnKind.ANGLE:
-            angle = _angle_unit(first[0], labels[0].meaning, stated)
+        elif sweeps(first[0]) >= REGULAR or labels[0].meaning.quantity is ColumnKind.ANGLE:
+            angle = angle_unit(first[0], labels[0].meaning, stated)
             lead = "{angle}" if angle.unit is None or angle.assumed else f"{{{angle.unit}}}"
         else:
             return None
@@ -1096,7 +902,9 @@ def _repeated_numbers(
         prefix, repeated = "", start + repeated.removesuffix(start)
     elif skipped == 0 and start:
         prefix = start
-    pattern = _escaped(f"{prefix}[{repeated}]...")
+    unit_after = literals[-1].strip()
+    tail = "" if body[-1].startswith(unit_after) else unit_after.removeprefix(body[-1].strip())
+    pattern = _escaped(f"{prefix}[{repeated}]...{tail}")
     layout = _with_pattern(stated, pattern, reach, angle, ends)
     proposal = _joined(layout, False, angle, reach, lines, *facts)
     if lead in ("", "{-}"):
@@ -1104,7 +912,7 @@ def _repeated_numbers(
     return proposal
 
 
-def _with_pattern(stated: Layout, pattern: str, reach: _Unit, angle: _Unit, ends: str) -> Layout:
+def _with_pattern(stated: Layout, pattern: str, reach: Decision, angle: Decision, ends: str) -> Layout:
     """Return the stated layout with a pattern, and the units that are assumed."""
     return replace(
         stated,

@@ -83,7 +83,7 @@ _RANGE_WORDS = {
     "mm": "mm millimeter millimeters millimetre millimetres milimetro milimetros millimetri milimetre milimeter "
     "мм 毫米",
     "in": 'in inch inches " pulgada pulgadas zoll pouce pouces pollici polegada polegadas inc inci cal cale duim',
-    "ft": "ft foot feet pie pies fuss pied pieds piedi pes pe fit stopa",
+    "ft": "ft foot feet ' pie pies fuss pied pieds piedi pes pe fit stopa",
     "us": "us usec usecs microsecond microseconds mikrosekunden microsegundos mikrosaniye microsecondes",
 }
 _ANGLE_WORDS = {

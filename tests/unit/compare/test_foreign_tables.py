@@ -1,5 +1,6 @@
-"""Tables with a ring a line, `rostopic echo -p`, traces of oscilloscopes and logs of a Ping1D."""
+"""Tables with a ring a line, `rostopic echo`, JSON texts, traces of oscilloscopes and logs of a Ping1D."""
 
+import json
 import math
 import struct
 from pathlib import Path
@@ -79,6 +80,7 @@ PAIRS = [f"{time:.9f},{volts:.6f}" for time, volts in zip(TIMES, SIGNAL, strict=
 IN_MS = [f"{time * 1e3:.6f},{volts:.6f}" for time, volts in zip(TIMES, SIGNAL, strict=True)]
 TDS = ["Record Length,4e2,,", "Sample Interval,1e-5,,", "Vertical Units,V,,"]
 COUNTED = [f"{k},{volts:.6f},," for k, volts in enumerate(SIGNAL)]
+IN_MV = [f"{time * 1e3:.6f};{1e3 * volts:.6f}".replace(".", ",") for time, volts in zip(TIMES, SIGNAL, strict=True)]
 OSCILLOSCOPES = {
     "Rigol DS": _lines("X,CH1,Start,Increment,", ["Sequence,Volt,-1.0e-3,1.0e-5,", *COUNTED]),
     "Rigol MSO": _lines("Time(s),CH1(V),t0 = -1.0e-3s, tInc = 1.0e-05,", [f"{pair},," for pair in PAIRS]),
@@ -86,6 +88,12 @@ OSCILLOSCOPES = {
     "Tektronix MSO": _lines("Model,MSO24\nSample Interval,1e-05,\n\nTIME,CH1", PAIRS),
     "Siglent": _lines("Record Length,Analog:400\nSample Interval,0.00001\nSource,CH1\nSecond,Value", PAIRS),
     "PicoScope": _lines("Time,Channel A\n(ms),(V)\n", IN_MS),
+    "PicoScope, German": _lines("Zeit;Kanal A\n(ms);(mV)\n", IN_MV),
+    "Rigol without times": _lines("CH1(V),t0 = -1.0e-3s, tInc = 1.0e-05,", [f"{volts:.6f},," for volts in SIGNAL]),
+    "Keysight": _lines("x-axis,1\nsecond,Volt", PAIRS),
+    "LeCroy": _lines("LECROYWS,1,Waveform\nSegments,1\nTime,Ampl", PAIRS),
+    "Digilent": _lines("#Digilent WaveForms\n#Samples: 400\n\nTime (s),Channel 1 (V)", PAIRS),
+    "Rohde & Schwarz": _lines("in s,CH1 in V", PAIRS),
 }
 
 
@@ -98,6 +106,38 @@ def test_a_trace_of_an_oscilloscope_begins_at_its_trigger(maker: str, tmp_path: 
     (reading,) = import_scan(file, ImportOptions(full_scale=0.5)).readings
     assert reading.trace.rate == pytest.approx(1 / STEP)
     np.testing.assert_allclose(reading.trace.samples, SIGNAL[100:] / 0.5, atol=1e-5)
+
+
+SWEEP = [*range(15, 166, 5), *range(160, 14, -5)]
+FARTHER = [round(1 + angle / 300, 3) for angle in SWEEP]  # m
+OF_ROS = "angle_min: 0.0\nangle_increment: {step}\nrange_min: 0.1\nrange_max: 4.0\nranges: {ranges}\n---\n"
+TEXTS = {
+    "list": json.dumps([{"angle": a, "distance_m": d} for a, d in zip(SWEEP, FARTHER, strict=True)]),
+    "document": json.dumps(
+        {"scan": [{"deg": a, "mm": 1e3 * d} for a, d in zip(SWEEP, FARTHER, strict=True)]}, indent=2
+    ),
+    "lists": json.dumps({"angles_deg": SWEEP, "ranges_cm": [100 * distance for distance in FARTHER]}),
+    "messages of ROS 1": OF_ROS.format(step=math.radians(5), ranges=FARTHER[:31]),
+    "messages of ROS 2": OF_ROS.format(step=math.radians(5), ranges="".join(f"\n- {d}" for d in FARTHER[:31])),
+}
+
+
+@pytest.mark.parametrize("kind", TEXTS)
+def test_texts_with_many_readings_are_read(kind: str, tmp_path: Path) -> None:
+    file = tmp_path / "scan.txt"
+    file.write_text(TEXTS[kind])
+    readings = import_scan(file).readings
+    count = 31 if "ROS" in kind else len(SWEEP)
+    np.testing.assert_allclose([one.range or 0.0 for one in readings], FARTHER[:count], atol=1e-6)
+    first = 0 if "ROS" in kind else 15
+    np.testing.assert_allclose(np.degrees([one.angle for one in readings[:31]]), np.arange(31) * 5 + first, atol=1e-4)
+
+
+def test_ranges_that_ros_has_cut_are_refused(tmp_path: Path) -> None:
+    file = tmp_path / "scan.yaml"
+    file.write_text(OF_ROS.format(step=0.1, ranges="\n- 1.0\n- 1.1\n- '...'"))
+    with pytest.raises(InputError, match="full-length"):
+        import_scan(file)
 
 
 def _qt(text: str) -> bytes:

@@ -36,6 +36,8 @@ FINE = np.arange(0.0, 360.0, 2.0)
 NOISY = np.where(
     np.arange(len(FINE)) % 3, box(FINE), box(FINE) * np.random.default_rng(2).uniform(0.3, 0.85, len(FINE))
 )
+ALIKE = np.round(np.where(HEADINGS % 180 < 20, 1.2, ROOM), 2)
+MANY = [reading for sweep in range(6) for reading in scan(HEADINGS, ALIKE, sweep)]
 SIDE = np.arange(0.0, 180.0, 6.0)  # a sweep of a servo
 BACK = scan(SIDE, box(SIDE)) + scan(SIDE, box(SIDE)[::-1], sweep=1)
 
@@ -53,6 +55,7 @@ BACK = scan(SIDE, box(SIDE)) + scan(SIDE, box(SIDE)[::-1], sweep=1)
         (scan(HEADINGS, np.full(len(HEADINGS), np.nan)), ["no echo"]),
         (scan(HEADINGS, np.where(THIRD, 0.47, ROOM)), ["one range"]),
         (scan(HEADINGS, np.full(len(HEADINGS), 0.47) + 0.001 * RANDOM.random(len(HEADINGS))), ["one range"]),
+        (MANY, []),  # a wall in each of several sweeps
         (scan(FINE, NOISY), ["scattered"]),
         (scan(FINE, box(FINE)), []),
         (scan(HEADINGS, np.where(THIRD, 4.0, ROOM)), ["largest range"]),

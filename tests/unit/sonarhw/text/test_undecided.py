@@ -20,6 +20,7 @@ SEVERAL = {
     "{a} deg: {d}in, {e}cm": "ranges in several units",
     "angle {a} L {d}cm R {e}cm": "several ranges may be those of several sensors or echoes",
     "angle: {d}cm, {a}": "a name or the unit of an angle or of a range",
+    "{a}: {f}' {e}\"": "ranges in several units",
 }
 READ = {  # a pattern and the end of a line, and how their text is read
     ("{angle},{range:.1f}", "\n"): "csv",  # no comma of a decimal number
@@ -30,6 +31,12 @@ READ = {  # a pattern and the end of a line, and how their text is read
     ("d {range:.0f}\na {angle}", "\n"): "d {range}\\na {deg}",
     ("S1:{range:.0f}cm S2:{range:.0f}cm S3:{range:.0f}cm S4:9cm", "\n"): "[S{-}:{cm}cm ]...",
     ("A{angle}D{range:.0f}", "\n"): "A{deg}D{range}",
+    ("Angle {angle}: {inches:.0f}in, {range:.0f}cm", "\n"): "Angle {deg}: {-}in, {cm}cm",
+    ("{angle},{signed:.0f}", "\n"): "csv",
+    ("a {angle}\nDuration: {time}\nDist: {range:.0f} cm", "\n"): "a {deg}\\nDuration: {-}\\nDist: {cm} cm",
+    ("SCAN " + ";".join(f"{k},{{range:.0f}}" for k in range(0, 180, 10)) + ";END", "\n"): "SCAN [{deg},{range};]...END",
+    ("\x1b[32m{angle}\x1b[0m\t{range:.2f}", "\n"): "csv",
+    ("{start}theta: {angle} Dist: {range:.2f}", "\n"): "{text}theta: {deg} Dist: {range}",
     ("{time},{angle},{range:.1f}", "\n"): "{-},{deg},{range}",  # the time jumps back where the device restarts
 }
 
@@ -41,7 +48,9 @@ def test_a_layout_reads_most_lines_or_is_not_proposed(lines: list[str]) -> None:
 
 @pytest.mark.parametrize(("line", "question"), SEVERAL.items())
 def test_several_numbers_that_may_be_the_same_quantity_are_a_question(line: str, question: str) -> None:
-    lines = [line.format(a=a, b=2 * a + 3, d=30 + 37 * k % 80, e=40 + 53 * k % 90) for k, a in enumerate(ANGLES)]
+    lines = [
+        line.format(a=a, b=2 * a + 3, d=30 + 37 * k % 80, f=3 + k % 5, e=40 + 53 * k % 90) for k, a in enumerate(ANGLES)
+    ]
     proposal = propose("\n".join(lines).encode(), True)
     assert proposal.layout is None
     assert question in " ".join(proposal.questions)
@@ -50,7 +59,17 @@ def test_several_numbers_that_may_be_the_same_quantity_are_a_question(line: str,
 @pytest.mark.parametrize(("layout", "read"), READ.items(), ids=map(repr, READ))
 def test_marks_and_names_are_not_mistaken(layout: tuple[str, str], read: str) -> None:
     form, end = layout
-    texts = [form.format(angle=a, range=100 + 36.7 * k % 80, time=20 * (k % 100)) for k, a in enumerate(ANGLES)]
+    texts = [
+        form.format(
+            angle=a,
+            range=(distance := 100 + 36.7 * k % 80),
+            inches=distance / 2.54,
+            signed=distance if k % 3 else -1,
+            time=20 * (k % 100),
+            start="S " if a == 0 else "",
+        )
+        for k, a in enumerate(ANGLES)
+    ]
     whole = "".join(text + end for text in texts)
     proposal = propose(f"{whole}{ANGLES[0]},7".encode() if read == "csv" else whole.encode(), True)  # the last is cut
     assert (proposal.layout.preset or proposal.layout.pattern) == read
@@ -60,3 +79,52 @@ def test_a_question_about_columns_is_not_avoided_by_other_ends_of_lines() -> Non
     lines = ["angle,voltage", *(f"{a},{0.5 + k % 7 / 100:.3f}" for k, a in enumerate(ANGLES))]
     proposal = propose("\n".join(lines).encode(), True)
     assert (proposal.layout, "'voltage' is not a unit" in proposal.questions[0]) == (None, True)
+
+
+OF_ANGLES = {  # angles without a unit, and what else they may be
+    "gradians": ([*range(0, 201, 5), *range(195, -1, -5)], "gradians"),
+    "a motor of 200 steps": ([*range(200)], "steps"),
+    "steps of a servo": ([*range(31), *range(29, -1, -1)], "steps"),
+    "degrees there and back": ([*range(0, 181), *range(179, -1, -1)], None),
+    "degrees of a turn": ([*range(0, 360, 5)], None),
+    "degrees in the middle": ([*range(40, 141, 5), *range(135, 39, -5)], None),
+}
+
+
+@pytest.mark.parametrize(("angles", "other"), OF_ANGLES.values(), ids=OF_ANGLES)
+def test_angles_that_may_be_no_degrees_are_a_question(angles: list[int], other: str | None) -> None:
+    text = "".join(f"{angle},{100 + 37 * k % 61}\n" for k, angle in enumerate(3 * angles)).encode()
+    (question, *_) = (*propose(text).questions, "")
+    assert (other or "") in question
+    assert bool(question) is (other is not None)
+    named = propose(b"angle_deg,range_cm\n" + text, begins_whole=True)
+    assert named.decided
+
+
+def alternating(angles: list[int], range_first: bool, lines: int) -> tuple[bytes, list[tuple[int, float]]]:
+    """Return the lines of a device from one of its lines on, and its pauses before readings."""
+    pieces = []
+    for k, angle in enumerate(angles):
+        pair = [f"Angle: {angle}\r\n", f"Dist: {100 + angle // 3 + k % 2} cm\r\n"]
+        pieces += [(line, 0.04 * (not place)) for place, line in enumerate(pair[::-1] if range_first else pair)]
+    pieces = pieces[lines:]
+    starts = [sum(len(line) for line, _ in pieces[:k]) for k in range(len(pieces))]
+    pauses = [(start, pause) for start, (_, pause) in zip(starts, pieces, strict=True)]
+    return "".join(line for line, _ in pieces).encode(), pauses
+
+
+@pytest.mark.parametrize("range_first", [False, True])
+@pytest.mark.parametrize("lines", [0, 1])
+def test_the_order_of_alternating_lines_follows_from_pauses_or_sweeps_or_is_a_question(
+    range_first: bool, lines: int
+) -> None:
+    pattern = "Dist: {cm} cm\\nAngle: {deg}" if range_first else "Angle: {deg}\\nDist: {cm} cm"
+    text, _ = alternating([*range(0, 181, 10), *range(170, -1, -10)], range_first, lines)
+    by_sweeps = propose(text)
+    assert by_sweeps.layout is not None
+    assert (by_sweeps.layout.pattern, by_sweeps.questions) == (pattern, ())
+    text, pauses = alternating(3 * [*range(0, 360, 10)], range_first, lines)
+    by_pauses = propose(text, pauses=pauses)
+    assert by_pauses.layout is not None
+    assert (by_pauses.layout.pattern, by_pauses.questions) == (pattern, ())
+    assert "may begin with each of its lines" in propose(text).questions[0]
