@@ -16,7 +16,7 @@ NOT_MEASURED = (
     "contract/test_lines.py",
     "contract/test_scanner.py",
     "soak",
-    "system/cli/comparison/test_calibrate_command.py",
+    "system/cli/comparison/test_calibrate.py",
     "system/cli/prediction/test_figures_command.py",
     "system/compare/test_fit.py",
     "system/compare/test_locate.py",

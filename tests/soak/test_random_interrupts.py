@@ -18,7 +18,7 @@ from tests.checkout import CHECKOUT
 from tests.conftest import Count
 from tests.hang_guard import HANG
 from tests.soak.fuzz import command_lines
-from tests.system.cli.instrument.test_interrupts import BEGUN, begun
+from tests.system.cli.test_entry import BEGUN, begun
 
 FAKE = "fake:simple?place=figure9"
 ROOM = "--room simple --place figure9"

@@ -116,7 +116,7 @@ ONE_SWITCH_FAULTS = [
         "--invert mark` and `sonarhw wiring URL --invert motor`",
     ),
 ]
-# without a wrong wire, and with two that look like none; test_emulated_one_switch.py has the others
+# without a wrong wire, and with two that look like none; test_emulated_turntable.py has the others
 ONE_SWITCH_EMULATED = [ONE_SWITCH_FAULTS[0], ONE_SWITCH_FAULTS[-1]]
 
 

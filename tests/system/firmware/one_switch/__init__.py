@@ -1,1 +1,0 @@
-"""Homing by the mark alone."""
