@@ -271,20 +271,20 @@ class Link:
         self.url = url
         exact = _matching_url(url) if url.startswith("hwgrep://") else url
         try:
-            self._port = _closed_port(exact)
+            self.port = _closed_port(exact)
             # a rising DTR resets many boards
-            self._port.dtr = False
+            self.port.dtr = False
             if sys.platform != "win32" and "://" not in url:
-                self._port.exclusive = True
-            self._port.open()
+                self.port.exclusive = True
+            self.port.open()
         except _OPENING_ERRORS as error:
             raise _why_not_open(url, error) from error
-        self._selectable = sys.platform != "win32" and _has_descriptor(self._port)
+        self._selectable = sys.platform != "win32" and _has_descriptor(self.port)
         self._woken, self._waker = socket.socketpair()
         self._waker.setblocking(False)
         self._baud = FIRST_BAUD
         if "://" not in url:
-            _keep_dtr_when_closed(self._port)
+            _keep_dtr_when_closed(self.port)
 
     def __enter__(self) -> "Link":
         return self
@@ -300,15 +300,15 @@ class Link:
     @property
     def quiet(self) -> float:
         """Time after opening in which nothing may be sent, s: on a port with DTR, opening may have reset the board."""
-        return BOOTLOADER if self.bauds and _has_modem_lines(self._port) else 0.0
+        return BOOTLOADER if self.bauds and _has_modem_lines(self.port) else 0.0
 
     def set_baud(self, baud: int) -> None:
         """Change the baud rate after all written bytes have been sent. Raises LinkLost if the link is lost."""
         if baud == self._baud or not self.bauds:
             return
         try:
-            self._port.flush()
-            self._port.baudrate = baud
+            self.port.flush()
+            self.port.baudrate = baud
         except (SerialException, OSError, ValueError, TypeError) as error:
             raise self._gone(error) from error
         self._baud = baud
@@ -320,7 +320,7 @@ class Link:
         """
         try:
             self._wait()
-            return self._port.read(MOST)
+            return self.port.read(MOST)
         except (SerialException, OSError, ValueError, TypeError) as error:
             # TypeError: the port was closed during the read, and pyserial used its missing descriptor
             raise self._gone(error) from error
@@ -328,7 +328,7 @@ class Link:
     def write(self, data: bytes) -> None:
         """Write all bytes. Raises LinkLost if the link is lost or accepts no bytes for WRITE_WITHIN."""
         try:
-            self._port.write(data)
+            self.port.write(data)
         except serial.SerialTimeoutException as error:
             text = f"{self.url}: accepted no bytes for {WRITE_WITHIN:g} s; check that the scanner is running"
             raise LinkLost(text) from error
@@ -346,9 +346,9 @@ class Link:
     def close(self) -> None:
         """Close the link. Never raises."""
         # pyserial leaves the socket open if the peer has closed first
-        peer = getattr(self._port, "_socket", None)
+        peer = getattr(self.port, "_socket", None)
         with suppress(SerialException, OSError):
-            self._port.close()
+            self.port.close()
         for end in (peer, self._woken, self._waker):
             if end is not None:
                 with suppress(OSError):
@@ -356,12 +356,12 @@ class Link:
 
     def _wait(self) -> None:
         if self._selectable:
-            ready, _, _ = select.select([self._port.fileno(), self._woken.fileno()], [], [], READ_PATIENCE)
+            ready, _, _ = select.select([self.port.fileno(), self._woken.fileno()], [], [], READ_PATIENCE)
             if self._woken.fileno() in ready:
                 self._woken.recv(MOST)
             return
         waited = 0.0
-        while not self._port.in_waiting and waited < READ_PATIENCE:
+        while not self.port.in_waiting and waited < READ_PATIENCE:
             time.sleep(_POLL)
             waited += _POLL
 

@@ -19,7 +19,7 @@ from sonarhw.readings import BoolArray, FloatArray
 
 _EXACTLY = 1e-9  # m; a wall through the middles of cells separates them in spite of rounding
 _CELLS = 120  # along the longer side of the room, by default
-_TRIES = 100_000  # to draw a position
+TRIES = 100_000  # to draw a position
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class FreeSpace:
         """
         rows, columns = self.free.shape
         size = np.array([columns * self.spacing, rows * self.spacing])
-        for _ in range(_TRIES):
+        for _ in range(TRIES):
             point = np.array([self.left, self.bottom]) + random.random(2) * size
             if self.holds(point, clearance):
                 return float(point[0]), float(point[1])

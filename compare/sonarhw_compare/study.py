@@ -474,7 +474,7 @@ def _arrays(headings: "pa.Table", counts: np.ndarray[tuple[int], np.dtype[np.int
 # Parts are returned as soon as they are complete, in any order. A part is the same from any worker.
 
 
-_ANSWER_WITHIN = 10.0  # s, timeout for the scheduler
+ANSWER_WITHIN = 10.0  # s, timeout for the scheduler
 
 
 def parts_here(study: Study, numbers: Sequence[int], workers: int) -> Generator[Part, None, None]:
@@ -504,7 +504,7 @@ def parts_on_cluster(study: Study, numbers: Sequence[int], scheduler: str) -> Ge
     for name in ("distributed", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
-        client = distributed.Client(scheduler, timeout=_ANSWER_WITHIN, set_as_default=False)
+        client = distributed.Client(scheduler, timeout=ANSWER_WITHIN, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
         raise InputError(f"scheduler {scheduler}: no Dask scheduler answers; expected tcp://HOST:PORT") from error
     with client:

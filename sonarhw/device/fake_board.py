@@ -362,10 +362,10 @@ class FakeBoard(ProtocolDevice):
         self._ready = ready
         self._identity = board
         self._wires = wires or Wires()
-        self._turntable = Turntable(random.Random(seed).uniform(0, math.tau))
+        self.turntable = Turntable(random.Random(seed).uniform(0, math.tau))
         if not self._wires.motor_connected:
-            self._turntable.wedge(0.0, math.inf)
-        self._turntable.turn_to(self._wires.sign, 0.0)
+            self.turntable.wedge(0.0, math.inf)
+        self.turntable.turn_to(self._wires.sign, 0.0)
         self._lost_steps = 0  # microsteps
         self._tries = 0  # Homes by the mark alone since the last one that succeeded
         self._listening = False
@@ -386,7 +386,7 @@ class FakeBoard(ProtocolDevice):
 
     def angle(self, now: float) -> int:
         """Return the angle of the turntable, µdeg."""
-        return messages.microdegrees_of(self._turntable.angle(now))
+        return messages.microdegrees_of(self.turntable.angle(now))
 
     def info(self, sequence: int) -> messages.Info:
         """Return the answer to the Hello with that sequence number."""
@@ -450,24 +450,24 @@ class FakeBoard(ProtocolDevice):
     @property
     def zero(self) -> messages.Zero:
         """How the zero of the turntable is known."""
-        return self._turntable.zero
+        return self.turntable.zero
 
     def set_zero(self, now: float) -> None:
         """Make the present angle the zero of the turntable."""
-        self._turntable.set_zero(now)
+        self.turntable.set_zero(now)
         self._wires.proven &= not self._wires.one_switch
 
     def inputs(self, now: float) -> messages.Input:
         """Return the inputs whose pins are high."""
-        return self._wires.levels(self._turntable, now)
+        return self._wires.levels(self.turntable, now)
 
     def configure_wiring(self, change: messages.Wiring, inverted: messages.Wiring, now: float) -> messages.Wiring:
         """Set the wiring, and return what is set. A change makes the zero unknown."""
         if change:
             self._wires.proven = False
             self._wires.inverted = self._wires.inverted & ~change | inverted
-            self._turntable.zero = messages.Zero.UNKNOWN
-            self._turntable.turn_to(self._wires.sign, now)
+            self.turntable.zero = messages.Zero.UNKNOWN
+            self.turntable.turn_to(self._wires.sign, now)
         return self._wires.inverted
 
     @property
@@ -482,8 +482,8 @@ class FakeBoard(ProtocolDevice):
 
     def release(self, now: float) -> None:
         """Release the motor. The turntable can then be moved from outside, so it is no longer homed."""
-        self._turntable.halt(now)
-        self._turntable.zero = messages.Zero.UNKNOWN
+        self.turntable.halt(now)
+        self.turntable.zero = messages.Zero.UNKNOWN
 
     def configure(self, request: messages.Configure, sequence: int) -> messages.Settings:
         """Apply ping settings within the limits of the board, and return those in force. Raises RefusalError."""
@@ -509,10 +509,10 @@ class FakeBoard(ProtocolDevice):
 
     def configure_turntable(self, request: messages.ConfigureTurntable, sequence: int) -> messages.TurntableSettings:
         """Apply turntable settings and return those in force. The table has no acceleration phase and no backlash."""
-        self._turntable.speed = min(messages.radians_of(request.speed) or SPEED, SPEED)
-        self._turntable.settling = messages.seconds_of(request.settle_us)
+        self.turntable.speed = min(messages.radians_of(request.speed) or SPEED, SPEED)
+        self.turntable.settling = messages.seconds_of(request.settle_us)
         return messages.TurntableSettings(
-            sequence, messages.microdegrees_of(self._turntable.speed), 0, request.settle_us, request.approach
+            sequence, messages.microdegrees_of(self.turntable.speed), 0, request.settle_us, request.approach
         )
 
     def homing(self, now: float) -> Iterator[float]:
@@ -521,12 +521,12 @@ class FakeBoard(ProtocolDevice):
             yield from self._home_by_mark(now)
             return
         if failure := self._wires.homing_failure():
-            self._turntable.zero = messages.Zero.UNKNOWN
+            self.turntable.zero = messages.Zero.UNKNOWN
             yield now + _HOMING_FAILS_AFTER
             raise ActionError(failure)
-        arrival = self._turntable.home(now)
+        arrival = self.turntable.home(now)
         yield arrival
-        if not self._turntable.confirm_home(arrival):
+        if not self.turntable.confirm_home(arrival):
             raise ActionError("the zero mark was not found; check what blocks the turntable")
 
     def _home_by_mark(self, now: float) -> Iterator[float]:
@@ -534,15 +534,15 @@ class FakeBoard(ProtocolDevice):
             yield now
             raise ActionError("homing may wind the cable no further; unwind it by hand and restart the board")
         self._tries += 1
-        mark, failure = self._wires.one_switch_zero(self._turntable.true_angle(now))
+        mark, failure = self._wires.one_switch_zero(self.turntable.true_angle(now))
         self._wires.proven = False
         if failure:
-            self._turntable.zero = messages.Zero.UNKNOWN
+            self.turntable.zero = messages.Zero.UNKNOWN
             yield now + _HOMING_FAILS_AFTER
             raise ActionError(failure)
-        arrival = self._turntable.home(now, mark)
+        arrival = self.turntable.home(now, mark)
         yield arrival
-        if not self._turntable.confirm_home(arrival):
+        if not self.turntable.confirm_home(arrival):
             raise ActionError("the zero mark was not found; check what blocks the turntable")
         self._tries, self._wires.proven = 0, True
 
@@ -577,30 +577,30 @@ class FakeBoard(ProtocolDevice):
     def halt(self, now: float) -> None:
         """Stop the turntable where it is, and end a ping."""
         self._listening = False
-        self._turntable.halt(now)
+        self.turntable.halt(now)
 
     # faults
 
     def wedge(self, seconds: float) -> None:
         """Block the turntable for some seconds. It counts the steps that it misses."""
-        self._turntable.wedge(self._now, self._now + seconds)
+        self.turntable.wedge(self._now, self._now + seconds)
 
     def slip(self, microsteps: float) -> None:
         """Let the turntable miss some microsteps of a forward move, below 0 of a backward move."""
-        self._turntable.slip(-microsteps * math.tau / MICROSTEPS)
+        self.turntable.slip(-microsteps * math.tau / MICROSTEPS)
 
     def _jogged(self, microdegrees: int, now: float) -> float:
-        angle = self._turntable.jogged(messages.radians_of(microdegrees), now)
-        homed = self._turntable.zero is not messages.Zero.UNKNOWN
+        angle = self.turntable.jogged(messages.radians_of(microdegrees), now)
+        homed = self.turntable.zero is not messages.Zero.UNKNOWN
         unknown = ONE_SWITCH_LIMIT if self._wires.one_switch else HOMING_LIMIT
-        limit, origin = (messages.radians_of(self._reach), 0.0) if homed else (unknown, self._turntable.origin)
+        limit, origin = (messages.radians_of(self._reach), 0.0) if homed else (unknown, self.turntable.origin)
         if abs(microdegrees) > MOST_JOG or abs(angle - origin) > limit:
             text = "a jog of at most 10 degrees, within the limits of the cable, is possible"
             raise RefusalError(messages.Refusal.OUT_OF_RANGE, f"{microdegrees / 1e6:.9g} degrees; {text}")
         return angle
 
     def _check_angle(self, microdegrees: int) -> None:
-        if self._turntable.zero is messages.Zero.UNKNOWN:
+        if self.turntable.zero is messages.Zero.UNKNOWN:
             raise RefusalError(messages.Refusal.NOT_HOMED, "the zero of the turntable is unknown; send Home first")
         if abs(microdegrees) > self._reach:
             reach = self._reach / 1e6
@@ -610,17 +610,17 @@ class FakeBoard(ProtocolDevice):
             )
 
     def _turn(self, angle: float, now: float) -> Iterator[float]:
-        arrival = self._turntable.turn(angle, now)
+        arrival = self.turntable.turn(angle, now)
         yield arrival
         self._check_mark(arrival)
 
     def _check_mark(self, now: float) -> None:
-        wrong_side = self._wires.one_switch and self._turntable.on_wrong_side(now, self._wires.mark_wrong)
-        if self._turntable.mark_misplaced(now) or wrong_side:
+        wrong_side = self._wires.one_switch and self.turntable.on_wrong_side(now, self._wires.mark_wrong)
+        if self.turntable.mark_misplaced(now) or wrong_side:
             self._wires.proven &= not self._wires.one_switch
-            lost = round(abs(self._turntable.error(now)) * MICROSTEPS / math.tau)
+            lost = round(abs(self.turntable.error(now)) * MICROSTEPS / math.tau)
             self._lost_steps += lost
-            self._turntable.zero = messages.Zero.UNKNOWN
+            self.turntable.zero = messages.Zero.UNKNOWN
             text = f"the zero mark is {lost} microsteps from its place; check what blocks the turntable"
             raise ActionError(text, messages.Outcome.LOST_STEPS)
 
@@ -631,7 +631,7 @@ class FakeBoard(ProtocolDevice):
         listen = messages.seconds_of(self._settings.listen_us)
         for number in numbers:
             sweep, angle, ping = scan.ping_at(number)
-            arrival = now if scan.in_place else self._turntable.turn(angle, now)
+            arrival = now if scan.in_place else self.turntable.turn(angle, now)
             fire = max(arrival, self._next_ping)
             yield fire
             if not scan.in_place:
@@ -646,7 +646,7 @@ class FakeBoard(ProtocolDevice):
 
     def _report_ping(self, number: int, ping: Ping, fired: float, now: float) -> None:
         try:
-            result = self._wires.arriving(self._echoes.receive(replace(ping, angle=self._turntable.true_angle(fired))))
+            result = self._wires.arriving(self._echoes.receive(replace(ping, angle=self.turntable.true_angle(fired))))
         except InputError as error:
             raise ActionError(str(error)) from error
         blanking = messages.seconds_of(self._settings.blanking_us)

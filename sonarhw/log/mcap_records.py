@@ -30,7 +30,7 @@ _CHUNK_HEAD = re.compile(rb"\x06.{4}\x00{4}.{20}\x00{4}.{4}\x00{4}.{4}\x00{4}", 
 _HEAD_SIZE = _RECORD.size + _CHUNK.size
 _DATA_END_SIZE = _RECORD.size + 4
 _FOOTER_SIZE = _RECORD.size + 20
-_WINDOW = 1 << 20
+WINDOW = 1 << 20
 _NEAR = 1 << 20
 _MOST = 1 << 28  # bytes of a record that are read; a chunk has less than 1 MB, the index about 100 bytes a reading
 UNREADABLE = (McapError, struct.error, UnicodeDecodeError, OverflowError)  # OverflowError: a damaged length
@@ -59,7 +59,7 @@ class OpenFile:
             start = offset - self._at
             if not 0 <= start <= start + size <= len(self._window):
                 self._file.seek(offset)
-                self._at, self._window, start = offset, self._file.read(max(size, _WINDOW)), 0
+                self._at, self._window, start = offset, self._file.read(max(size, WINDOW)), 0
             return self._window[start : start + size]
 
 
@@ -220,7 +220,7 @@ def _next_chunk(file: OpenFile, start: int, stop: float = math.inf) -> int | Non
     """Return the offset of the next chunk from `start` with a correct CRC-32; None if none starts before `stop`."""
     offset = start
     while offset < min(file.size, stop):
-        window = file.read(offset, _WINDOW)
+        window = file.read(offset, WINDOW)
         match = _CHUNK_HEAD.search(window)
         while match:
             if _is_chunk(file, offset + match.start()):
@@ -261,8 +261,8 @@ def checked_attachments(file: OpenFile) -> dict[str, int] | None:
 
 def _crc(file: OpenFile, size: int) -> int:
     crc = 0
-    for offset in range(0, size, _WINDOW):
-        crc = zlib.crc32(file.read(offset, min(_WINDOW, size - offset)), crc)
+    for offset in range(0, size, WINDOW):
+        crc = zlib.crc32(file.read(offset, min(WINDOW, size - offset)), crc)
     return crc
 
 

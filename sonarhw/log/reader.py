@@ -830,11 +830,11 @@ def read_log(path: Path | str) -> Log:
             )
         head = _Head(path)
         attachments = mcap_records.checked_attachments(file)
-        index = _stored_index(file, head, attachments) if attachments else None
+        index = stored_index(file, head, attachments) if attachments else None
         topics = dict(enumerate(TOPICS, start=1))  # by channel number, as `LogWriter` registers them
         damage: list[mcap_records.Damage] = []
         if index is None:
-            index, damage = _decoded(file, head, topics)
+            index, damage = decoded_frames(file, head, topics)
             if attachments is None and not damage:
                 damage.append(
                     mcap_records.Damage("its checksum does not match, though every chunk of frames is undamaged")
@@ -894,7 +894,7 @@ class _Head:
         )
 
 
-def _stored_index(file: mcap_records.OpenFile, head: _Head, attachments: dict[str, int]) -> LogIndex | None:
+def stored_index(file: mcap_records.OpenFile, head: _Head, attachments: dict[str, int]) -> LogIndex | None:
     """Return the index of a closed and undamaged log; None if its frames must be decoded."""
     offset = attachments.get(NAME)
     packed = None if offset is None else mcap_records.attachment(file, offset)
@@ -912,7 +912,7 @@ def _stored_index(file: mcap_records.OpenFile, head: _Head, attachments: dict[st
     return None
 
 
-def _decoded(
+def decoded_frames(
     file: mcap_records.OpenFile, head: _Head, topics: dict[int, str]
 ) -> tuple[LogIndex, list[mcap_records.Damage]]:
     """Decode the readable frames. Return their index, and the damage. Add the channels of the file to `topics`."""

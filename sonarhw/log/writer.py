@@ -42,7 +42,7 @@ from sonarhw.wire.readings_of_frames import reading_message, trace_chunks
 
 _NO_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.EROFS)  # errors of pipes and devices without fsync
 SYNCED_WITHIN = 10.0  # s for the last sync; a disk that does not answer must not hold the end of a program
-_MOST_COPIED = 64_000_000  # bytes of a log that are kept in memory, for a drive that is removed
+MOST_COPIED = 64_000_000  # bytes of a log that are kept in memory, for a drive that is removed
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)  # errors after which all earlier bytes are kept
 
 
@@ -142,7 +142,7 @@ class LogFile:
                 raise self._failure(error) from error
         if self._copy is not None:
             self._copy += self._pending
-            if len(self._copy) > _MOST_COPIED:
+            if len(self._copy) > MOST_COPIED:
                 self._copy = None
         self._written += len(self._pending)
         self._kept = self.readings

@@ -547,14 +547,14 @@ def _receive(calls: BinaryIO, received: "SimpleQueue[_Call | None]") -> None:
 
 GROUP = "sonarhw.devices"
 # also found if the source folder is used without an installation, which has no entry points
-_OWN = (EntryPoint("lines", "sonarhw.text_device:TextDevice", GROUP),)
+OWN = (EntryPoint("lines", "sonarhw.text_device:TextDevice", GROUP),)
 _RESERVED = ("fake", *WITH_HOST, *KNOWN_SCHEMES)  # schemes of this package that are no plug-ins
 
 
 def is_plugin(url: str) -> bool:
     """Return whether a plug-in opens this URL. Raises InputError if more than one package claims its scheme."""
     scheme = url.partition(":")[0]
-    if (points := _installed().get(scheme)) is None:
+    if (points := installed_plugins().get(scheme)) is None:
         return False
     claims = [_origin_of(point) for point in points]
     if scheme in _RESERVED:
@@ -569,9 +569,9 @@ def is_plugin(url: str) -> bool:
 
 def make_plugin(url: str) -> CheckedPlugin:
     """Return the device at a URL, not yet opened. Raises InputError for an invalid URL or a plug-in without a class."""
-    point = _installed()[url.partition(":")[0]][0]
+    point = installed_plugins()[url.partition(":")[0]][0]
     origin = _origin_of(point)
-    if point.value == _OWN[0].value:
+    if point.value == OWN[0].value:
         return _loaded(url, point.value, origin)
     return CheckedPlugin(_PluginApart(url, point.value, origin), origin)
 
@@ -608,9 +608,9 @@ def takes_orders(url: str) -> bool:
 
 
 @cache
-def _installed() -> dict[str, tuple[EntryPoint, ...]]:
+def installed_plugins() -> dict[str, tuple[EntryPoint, ...]]:
     """Return the plug-ins that claim each scheme. A letter is none: it is a drive of Windows."""
-    points = {(point.name, point.value): point for point in (*_OWN, *entry_points(group=GROUP))}
+    points = {(point.name, point.value): point for point in (*OWN, *entry_points(group=GROUP))}
     found: dict[str, tuple[EntryPoint, ...]] = {}
     for (name, _), point in points.items():
         if len(name) > 1:

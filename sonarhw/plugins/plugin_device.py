@@ -36,7 +36,7 @@ _WATCHED_EACH = 1.0  # s
 _WATCHED = 2000  # newest measurements that are judged
 _TICK_US = 1  # two pings must not have the same time, because it identifies them
 _POLL = 0.05  # s; longest delay until a call from another thread takes effect
-_END_WITHIN = 0.9  # s for which `close` waits for a plug-in that blocks
+END_WITHIN = 0.9  # s for which `close` waits for a plug-in that blocks
 _MOST_REASON = 255  # bytes of a text in Finished
 
 
@@ -416,7 +416,7 @@ class PluginLink:
         """End the thread, which closes the device. The process of a plug-in that blocks is ended."""
         self._closing.set()
         if self._thread:
-            self._thread.join(_END_WITHIN)
+            self._thread.join(END_WITHIN)
             if self._thread.is_alive():
                 self.stop()
 

@@ -75,7 +75,7 @@ def test_bytes_waiting_in_ser2net_are_read_together() -> None:
     tty.setraw(slave)
     with ser2net(os.ttyname(slave)) as url, Link(url) as link:
         os.write(master, sent)
-        wait_until(lambda: link._port.in_waiting == len(sent))
+        wait_until(lambda: link.port.in_waiting == len(sent))
         assert link.read() == sent
     os.close(master)
     os.close(slave)

@@ -83,7 +83,7 @@ def test_no_reading_that_was_shown_is_lost_with_its_log(
 ) -> None:
     monkeypatch.syspath_prepend(CHECKOUT / "tests" / "fixtures" / "example_plugin")
     turret = EntryPoint("turret", "rangebox:Turret", device_plugin.GROUP)
-    monkeypatch.setattr(device_plugin, "_installed", lambda: {"lines": device_plugin._OWN, "turret": (turret,)})
+    monkeypatch.setattr(device_plugin, "installed_plugins", lambda: {"lines": device_plugin.OWN, "turret": (turret,)})
     for seed in range(count(4, 100)):
         chance, folder = random.Random(f"{device} {seed}"), tmp_path / str(seed) / "drive"
         folder.mkdir(parents=True)

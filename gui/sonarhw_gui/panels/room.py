@@ -370,13 +370,13 @@ class RoomPanel(QtWidgets.QWidget):
     def __init__(self) -> None:
         super().__init__()
         self._shown: Shown | None = None
-        self._refused = widgets.PlainLabel(wordWrap=True)
-        self._refused.hide()
+        self.refused = widgets.PlainLabel(wordWrap=True)
+        self.refused.hide()
         self.sensor, self.surface = SensorGroup(self.change), SurfaceGroup(self.change)
         self.materials, self.air = MaterialGroup(self.change), AirGroup(self.change)
         self.model = ModelGroup(self.change)
-        self._groups: tuple[Group, ...] = (self.sensor, self.surface, self.materials, self.air, self.model)
-        widgets.stacked(self, self._refused, *self._groups, None)
+        self.groups: tuple[Group, ...] = (self.sensor, self.surface, self.materials, self.air, self.model)
+        widgets.stacked(self, self.refused, *self.groups, None)
 
     def show_state(self, shown: Shown) -> None:
         """Draw the changes since the last call."""
@@ -391,16 +391,16 @@ class RoomPanel(QtWidgets.QWidget):
         try:
             scene, label = edit(self._shown.scene)
         except InputError as error:
-            self._refused.setText(f"⚠ {error}")
-            self._refused.show()
+            self.refused.setText(f"⚠ {error}")
+            self.refused.show()
             self._draw(self._shown)  # restore the fields
             return
-        self._refused.hide()
+        self.refused.hide()
         self.edited.emit(scene, label, gesture)
 
     def _draw(self, shown: Shown) -> None:
         room, place = shown.scene.room, shown.scene.place
-        for group in self._groups:
+        for group in self.groups:
             group.setEnabled(room is not None)
             if room is not None and place is not None:
                 group.draw(shown, room, place)

@@ -51,11 +51,11 @@ class BScanPane:
         self._ground, self._blanking = pg.PlotCurveItem(fillLevel="enclosed"), pg.PlotCurveItem()
         self._image = pg.ImageItem(axisOrder="row-major")
         self._walls = pg.PlotCurveItem(connect="pairs")
-        self._chosen, self._cursor = pg.PlotCurveItem(), pg.ScatterPlotItem(symbol="o", brush=None)
+        self._chosen, self.cursor = pg.PlotCurveItem(), pg.ScatterPlotItem(symbol="o", brush=None)
         self._bar = pg.ColorBarItem(values=(0, 1), colorMap="cividis", width=12, interactive=False)
         self.plot.layout.addItem(self._bar, 2, 5)
         self.plot.layout.setColumnFixedWidth(4, _BESIDE)
-        for item in (self._ground, self._image, self._walls, self._blanking, self._chosen, self._cursor):
+        for item in (self._ground, self._image, self._walls, self._blanking, self._chosen, self.cursor):
             self.plot.addItem(item, ignoreBounds=True)
         self._scale: ColourScale | None = None
         self._polar, self._lowest = False, True
@@ -128,7 +128,7 @@ class BScanPane:
         self._chosen.setData(*lines.T)
         cursor = shown.cursor
         if cursor is None or not 0 <= cursor.range <= self._cells.reach:
-            self._cursor.clear()
+            self.cursor.clear()
         else:
             colours = self._look.palette
             ((x, y),) = self._plot_points(np.array([cursor.heading]), np.array([cursor.range]))
@@ -136,7 +136,7 @@ class BScanPane:
                 base.cosmetic_pen(colour, width=line)
                 for colour, (_, line) in ((colours.paper, _HALO), (colours.chosen, _RING))
             ]
-            self._cursor.setData([x, x], [y, y], size=[_HALO[0], _RING[0]], pen=pens)
+            self.cursor.setData([x, x], [y, y], size=[_HALO[0], _RING[0]], pen=pens)
 
     def cursor_at(self, position: QPointF) -> Cursor | None:
         """Return heading and range at a point in scene coordinates; None outside the image."""

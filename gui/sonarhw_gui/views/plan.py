@@ -53,10 +53,10 @@ class PlanDrawing(base.Canvas):
         self._measured, self._predicted = measured, predicted
         self.plot.setAspectLocked(True)
         self.room, self.sensor = plan_layers.RoomLayer(self.plot), plan_layers.SensorLayer(self.plot)
-        self._outline = Outline()
-        self.plot.addItem(self._outline)
+        self.outline = Outline()
+        self.plot.addItem(self.outline)
         self.path = plan_layers.PathLayer(self.plot)
-        self._marks = ReadingMarks(self.plot, self._tip)
+        self.marks = ReadingMarks(self.plot, self._tip)
         self.arrows = plan_layers.EdgeArrows(self._box)
         self.ruler = plan_layers.RulerLayer(self.plot)
         self.sound = plan_layers.SoundLayer(self.plot)
@@ -82,8 +82,8 @@ class PlanDrawing(base.Canvas):
             yield _path_parts, self.path.draw
         if self._measured:
             yield marked_parts, self._draw_marks
-            yield lambda new: (*marked_parts(new), new.notes), lambda new: self._marks.draw_notes(new.notes)
-            yield lambda new: (*marked_parts(new), new.chosen), lambda new: self._marks.ring(new.chosen)
+            yield lambda new: (*marked_parts(new), new.notes), lambda new: self.marks.draw_notes(new.notes)
+            yield lambda new: (*marked_parts(new), new.chosen), lambda new: self.marks.ring(new.chosen)
             yield lambda new: (new.overlays,), self._draw_overlays
         yield lambda new: (new.scene, new.cursor), self.sensor.draw_cursor
         yield _proposal_parts, self._draw_proposal
@@ -123,7 +123,7 @@ class PlanDrawing(base.Canvas):
 
     def fit_everything(self) -> None:
         """Show the room, the sensor and every reading."""
-        points = [positions for _, positions in self._marks.placed.values() if len(positions)]
+        points = [positions for _, positions in self.marks.placed.values() if len(positions)]
         scene = self.controller.scene if self.shown else None
         if scene is None or scene.room is None or not points:
             self._box.autoRange(padding=0.05)
@@ -214,7 +214,7 @@ class PlanDrawing(base.Canvas):
 
     def _reading_at(self, position: QPointF) -> int | None:
         index = self.arrows.reading_at(position)
-        return base.nearest_reading(self._box, self._marks.placed, position) if index is None else index
+        return base.nearest_reading(self._box, self.marks.placed, position) if index is None else index
 
     def on_outline(self, point: Point) -> bool:
         """Return whether a point lies on the predicted outline."""
@@ -245,12 +245,12 @@ class PlanDrawing(base.Canvas):
         # wider tick values would change the size of the plan, and with it the visible range
         self.plot.getAxis("left").setWidth(metrics.horizontalAdvance(_WIDEST) + metrics.height() + 8)
         drawn = self.room, self.sensor, self.path, self.ruler, self.sound, self.proposal, self.found_room
-        for layer in (*drawn, self.overlays, self._outline, self._marks, self.arrows):
+        for layer in (*drawn, self.overlays, self.outline, self.marks, self.arrows):
             layer.set_look(look)
 
     def _draw_outline(self, shown: Shown) -> None:
-        self._outline.draw(outline_points(shown.outline) if shown.outline else NO_POSITIONS)
-        self._outline.setVisible(shown.draws(ViewLayer.PREDICTED))
+        self.outline.draw(outline_points(shown.outline) if shown.outline else NO_POSITIONS)
+        self.outline.setVisible(shown.draws(ViewLayer.PREDICTED))
 
     def _draw_marks(self, shown: Shown) -> None:
         board, poses = shown.scene.board, shown.poses
@@ -259,7 +259,7 @@ class PlanDrawing(base.Canvas):
             where = shown.scene.pose if poses is None else poses[list(points.readings)]
             sensors = standpoints(board, where, points.headings)
             placed[kind] = points, points_at(sensors, points.headings, points.ranges)
-        self._marks.draw(placed)
+        self.marks.draw(placed)
 
     def _draw_overlays(self, shown: Shown) -> None:
         self.overlays.draw({scan.style: scan.points for scan in shown.overlays if scan.visible})
@@ -267,12 +267,12 @@ class PlanDrawing(base.Canvas):
     def _draw_proposal(self, shown: Shown) -> None:
         """Draw a proposed change of the room, and rings around the readings that it explains, at their marks."""
         proposal = shown.proposal or NO_PROPOSAL
-        marks = [self._marks.position_of(reading) for reading in proposal.readings]
+        marks = [self.marks.position_of(reading) for reading in proposal.readings]
         explained = np.array([mark for mark in marks if mark is not None]).reshape(-1, 2)
         self.proposal.draw_surfaces(proposal.walls, proposal.posts, explained)
 
     def _draw_arrows(self, shown: Shown) -> None:
-        self.arrows.draw(self._marks.placed, shown.sensor.position, shown.chosen)
+        self.arrows.draw(self.marks.placed, shown.sensor.position, shown.chosen)
 
     def _tip(self, index: int) -> str:
         return reading_tip(self.shown, index) if self.shown else ""

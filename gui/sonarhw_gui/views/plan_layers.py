@@ -42,7 +42,7 @@ class RoomLayer(PlotLayer):
 
     def __init__(self, plot: pg.PlotItem) -> None:
         super().__init__(plot)
-        self._walls = self._add(PlotLine(connect="pairs"), pen="wall", width=2, bounds=True)
+        self.walls = self._add(PlotLine(connect="pairs"), pen="wall", width=2, bounds=True)
         self._posts = self._add(QGraphicsPathItem(), brush="wall", bounds=True)
         self._posts.setPen(pg.mkPen(None))
         self._chosen_wall = self._add(PlotLine(), pen="chosen", width=5)
@@ -53,7 +53,7 @@ class RoomLayer(PlotLayer):
     def draw(self, room: Room | None, name: str | None, handles: bool) -> None:
         """Draw a room, with the surface `name` highlighted and, if `handles`, its corners."""
         chosen = room.names.index(name) if room and name in room.names else None
-        self._walls.setData(*(wall_lines(room) if room else _NOTHING).T)
+        self.walls.setData(*(wall_lines(room) if room else _NOTHING).T)
         self._posts.setPath(_posts_path(room.posts if room else np.empty((0, 3))))
         self._corners.setData(*(np.array(corners(room)) if room and handles else _NOTHING).T)
         self._corners.setVisible(handles)
@@ -72,7 +72,7 @@ class SensorLayer(PlotLayer):
     def __init__(self, plot: pg.PlotItem) -> None:
         super().__init__(plot)
         self.handle_at: Point | None = None
-        self._beam = self._add(PlotLine(pen=None, filled=True), -10, brush="beam")
+        self.beam = self._add(PlotLine(pen=None, filled=True), -10, brush="beam")
         self._axis = self._add(PlotLine(), -9, "ink", style=Qt.PenStyle.DashLine)
         self._turntable = self._add(PlotLine(), -9, "faint", style=Qt.PenStyle.DotLine)
         self._trajectory = self._add(PlotLine(), 19, "ink", 1.5, bounds=True)
@@ -80,7 +80,7 @@ class SensorLayer(PlotLayer):
         self._start = self._add(Spots(size=9, symbol="o"), 20, "paper", brush="ink")  # of the trajectory
         # filled: the ring of the selected reading is hollow
         self._handle = self._add(Spots(size=11, symbol="o"), 21, "paper", brush="ink")
-        self._sensor = self._add(Spots(size=_SENSOR, symbol="d"), 22, "paper", brush="ink", bounds=True)
+        self.spot = self._add(Spots(size=_SENSOR, symbol="d"), 22, "paper", brush="ink", bounds=True)
         self._cross = self._add(Spots(size=17, symbol="crosshair", brush=None), 25, "chosen")
 
     def draw(self, shown: Shown) -> None:
@@ -89,7 +89,7 @@ class SensorLayer(PlotLayer):
         Without readings, the beam is at step 0.
         """
         scene, room, pose = shown.scene, shown.scene.room, shown.sensor
-        self._sensor.setData(*np.array([pose.position]).T)
+        self.spot.setData(*np.array([pose.position]).T)
         self._trajectory.setData(*(_NOTHING if shown.poses is None else shown.poses[:, :2]).T)
         wedge, axis, turntable, zero, self.handle_at = _NOTHING, _NOTHING, _NOTHING, _NOTHING, None
         if room is not None:
@@ -104,8 +104,8 @@ class SensorLayer(PlotLayer):
             zero = points_at(pose.position, np.full(2, pose.heading), np.array([0.0, _ZERO * size]))
             if newest != heading:
                 turntable = points_at(pose.position, np.full(2, newest), np.array([0.0, handle]))
-        self._beam.setData(*wedge.T)
-        self._beam.setVisible(shown.draws(ViewLayer.BEAM))
+        self.beam.setData(*wedge.T)
+        self.beam.setVisible(shown.draws(ViewLayer.BEAM))
         self._axis.setData(*axis.T)
         self._turntable.setData(*turntable.T)
         self._zero.setData(*zero.T)
@@ -125,13 +125,13 @@ class PathLayer(PlotLayer):
 
     def __init__(self, plot: pg.PlotItem) -> None:
         super().__init__(plot)
-        self._rays = self._add(PlotLine(), bounds=True)
-        self._pointed = self._add(PlotLine(), 28, "predicted", 3, bounds=True)
-        self._labels = [self._add_label(30, "paper", "chosen", 0.8) for _ in range(_MOST_LABELLED)]
-        for label in self._labels:
+        self.rays = self._add(PlotLine(), bounds=True)
+        self.pointed = self._add(PlotLine(), 28, "predicted", 3, bounds=True)
+        self.labels = [self._add_label(30, "paper", "chosen", 0.8) for _ in range(_MOST_LABELLED)]
+        for label in self.labels:
             label.setVisible(False)
         self._texts: list[tuple[str, FloatArray]] = []
-        self._sensor: Point = (0.0, 0.0)
+        self.spot: Point = (0.0, 0.0)
         self._colour = "k"
         self._drawn_with: tuple[str, Qt.PenStyle] | None = None  # colour and style of the rays
         plot.vb.sigRangeChanged.connect(self._lay_out)
@@ -148,22 +148,22 @@ class PathLayer(PlotLayer):
         style = Qt.PenStyle.SolidLine if path is not None and path.explains else Qt.PenStyle.DotLine
         if (self._colour, style) != self._drawn_with:
             self._drawn_with = self._colour, style
-            self._rays.setPen(cosmetic_pen(self._colour, width=1.5, style=style))
-        self._rays.setData(*points.T)
-        self._texts, self._sensor = bounce_labels(points), shown.sensor.position
-        for k, label in enumerate(self._labels):
+            self.rays.setPen(cosmetic_pen(self._colour, width=1.5, style=style))
+        self.rays.setData(*points.T)
+        self._texts, self.spot = bounce_labels(points), shown.sensor.position
+        for k, label in enumerate(self.labels):
             label.setVisible(k < len(self._texts))
             if k < len(self._texts):
                 label.setText(self._texts[k][0])
         question, pointed = shown.question, shown.pointed_path
         drawn = _NOTHING if question is None or pointed is None else question[0].paths.outline(pointed)
-        self._pointed.setData(*drawn.T)
+        self.pointed.setData(*drawn.T)
         self._lay_out()
 
     def _lay_out(self) -> None:
         """Place the labels without overlap. Their distance on the screen depends on the zoom."""
-        taken = [_sensor_box(self._labels[0].getViewBox(), self._sensor)]
-        for label, (_, point) in zip(self._labels, self._texts, strict=False):
+        taken = [_sensor_box(self.labels[0].getViewBox(), self.spot)]
+        for label, (_, point) in zip(self.labels, self._texts, strict=False):
             _set_beside(label, point, taken)
 
 
@@ -329,7 +329,7 @@ class EdgeArrows(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no t
         self._look = Look()
         self._font = QFont()
         self._placed: dict[Class, Placed] = {}
-        self._sensor: PixelPoint = (0.0, 0.0)
+        self.spot: PixelPoint = (0.0, 0.0)
         self._chosen: int | None = None
         self.setParentItem(box)
         self.setZValue(1000)
@@ -343,7 +343,7 @@ class EdgeArrows(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no t
 
     def draw(self, placed: dict[Class, Placed], sensor: PixelPoint, chosen: int | None) -> None:
         """Draw the arrows of these readings."""
-        self._placed, self._sensor, self._chosen = placed, sensor, chosen
+        self._placed, self.spot, self._chosen = placed, sensor, chosen
         self._lay_out()
 
     def reading_at(self, position: QPointF) -> int | None:
@@ -407,9 +407,7 @@ class EdgeArrows(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no t
     def _lay_out(self) -> None:
         (left, right), (low, high) = self._box.viewRange()
         seen = QRectF(left, low, right - left, high - low)
-        self.arrows = edge_arrows(
-            self._placed, seen, (self._box.width(), self._box.height()), self._sensor, self._chosen
-        )
+        self.arrows = edge_arrows(self._placed, seen, (self._box.width(), self._box.height()), self.spot, self._chosen)
         self.setVisible(bool(self.arrows))
         self.update()
 
@@ -507,11 +505,11 @@ class SoundLayer(PlotLayer):
         self._deaf = self._add(PlotLine(filled=True), -12, "faint", 1, dashed, brush="blanking")
         self._ways = self._add(PlotLine(connect="finite"), 26, "faint")
         self._others = self._add(PlotLine(connect="finite"), 27, "faint", 4)
-        self._winner = self._add(PlotLine(connect="finite"), 28, "predicted", 5)
+        self.winner = self._add(PlotLine(connect="finite"), 28, "predicted", 5)
         self._fronts = self._add(PlotLine(connect="finite"), 28, "predicted", 1.5)
         self._counting = self._add(PlotLine(), 26, "measured", 1, dotted)
         self.counted = self._add(Spots(size=12, symbol="o"), 29, "measured", 2)
-        lines = self._deaf, self._ways, self._others, self._winner, self._fronts, self._counting
+        lines = self._deaf, self._ways, self._others, self.winner, self._fronts, self._counting
         self._items = (*lines, self.counted)
         for item in self._items:
             item.setVisible(False)
@@ -530,7 +528,7 @@ class SoundLayer(PlotLayer):
         self._deaf.setOpacity(1.0 if sound.time < ping.blanking else 0.45)
         self._ways.setData(*with_gaps([way.points for way in ping.ways]).T)
         self._others.setData(*_trails(pulses, wins=False).T)
-        self._winner.setData(*_trails(pulses, wins=True).T)
+        self.winner.setData(*_trails(pulses, wins=True).T)
         self._fronts.setData(*with_gaps([pulse.front for pulse in pulses]).T)
         here = counted_position(ping, sound.time)
         self._counting.setData(*np.array([sensor, here]).T)

@@ -85,10 +85,10 @@ class RangeView(base.Canvas):
         self.shading.setZValue(_BEHIND)
         self.shading.setVisible(False)
         self.ranges.addItem(self.shading, ignoreBounds=True)
-        self._outline = Outline()
-        self.ranges.addItem(self._outline)
+        self.outline = Outline()
+        self.ranges.addItem(self.outline)
         self._tolerance = self._add_tolerance()
-        self._marks = tuple(ReadingMarks(plot, self._tip) for plot in (self.ranges, self.residuals))
+        self.marks = tuple(ReadingMarks(plot, self._tip) for plot in (self.ranges, self.residuals))
         self.overlays = OverlayMarks(self.ranges)
         self.beyond = {
             Kind.SHORT: self._add_arrows(1),
@@ -112,21 +112,21 @@ class RangeView(base.Canvas):
             self._draw_outline(shown)
         if shown.chances is not None and shown.changed_since(before, lambda new: (new.chances, new.look)):
             _shade(self.shading, shown.chances, shown.look.palette.predicted)
-        self._outline.setVisible(shown.draws(ViewLayer.PREDICTED))
+        self.outline.setVisible(shown.draws(ViewLayer.PREDICTED))
         self.shading.setVisible(shown.chances is not None and shown.draws(ViewLayer.PREDICTED))
         if not shown.same_readings(before):
-            self._marks[0].draw(_ranges(shown))
-            self._marks[1].draw(_residuals(shown))
+            self.marks[0].draw(_ranges(shown))
+            self.marks[1].draw(_residuals(shown))
             self._draw_beyond(shown)
         if shown.changed_since(before, lambda new: (new.notes,)) or not shown.same_readings(before):
-            self._marks[0].draw_notes(shown.notes)
+            self.marks[0].draw_notes(shown.notes)
         if shown.changed_since(before, lambda new: (new.overlays,)):
             visible = [scan for scan in shown.overlays if scan.visible]
             self.overlays.draw(
                 {scan.style: _over_heading(scan.series.headings, scan.series.ranges) for scan in visible}
             )
         self._extend_range_axis(shown)
-        for marks in self._marks:
+        for marks in self.marks:
             marks.ring(shown.chosen)
         for line in self._chosen:
             line.setVisible(shown.chosen is not None)
@@ -167,10 +167,10 @@ class RangeView(base.Canvas):
         self._style_residuals(look)
         self._label_axes(look)
         self.setMinimumHeight(_LEAST_LINES * metrics.height())
-        for marks in self._marks:
+        for marks in self.marks:
             marks.set_look(look)
         self.overlays.set_look(look)
-        self._outline.set_look(look)
+        self.outline.set_look(look)
         for kind, arrows in self.beyond.items():
             arrows.setPen(base.cosmetic_pen(look.palette.paper, width=1))
             arrows.setBrush(look.palette.of(kind))
@@ -230,7 +230,7 @@ class RangeView(base.Canvas):
     def _draw_beyond(self, shown: Shown) -> None:
         residuals = shown.rows.residuals
         for kind, arrows in self.beyond.items():
-            points, places = self._marks[1].placed.get(kind, NO_MARKS)
+            points, places = self.marks[1].placed.get(kind, NO_MARKS)
             beyond = np.abs(residuals[list(points.readings)]) > _MOST_RESIDUAL
             arrows.setVisible(bool(beyond.any()))
             arrows.setData(*places[beyond].T)
@@ -243,10 +243,10 @@ class RangeView(base.Canvas):
 
     def _draw_outline(self, shown: Shown) -> None:
         if shown.outline is None:
-            self._outline.draw(NO_POSITIONS)
+            self.outline.draw(NO_POSITIONS)
             return
         headings, ranges = outline_ranges(shown.outline).T
-        self._outline.draw(np.column_stack((np.degrees(headings), ranges)))
+        self.outline.draw(np.column_stack((np.degrees(headings), ranges)))
 
     def _tip(self, index: int) -> str:
         return reading_tip(self._shown, index) if self._shown else ""
@@ -278,7 +278,7 @@ class RangeView(base.Canvas):
     def _range_near(self, heading: float) -> float:
         """Return the range, m, of the reading nearest to a heading, degrees; 0 without readings."""
         near, far = math.inf, 0.0
-        for _, places in self._marks[0].placed.values():
+        for _, places in self.marks[0].placed.values():
             away = np.abs((places[:, 0] - heading + 180) % 360 - 180)
             k = int(np.argmin(away))
             if away[k] < near:
@@ -294,7 +294,7 @@ class RangeView(base.Canvas):
                 line.setValue(value)
 
     def _under(self, click: QPointF, within: float = _ANY_DISTANCE) -> int | None:
-        for plot, marks in zip((self.ranges, self.residuals), self._marks, strict=True):
+        for plot, marks in zip((self.ranges, self.residuals), self.marks, strict=True):
             if plot.sceneBoundingRect().contains(click):
                 return base.nearest_reading(plot.vb, marks.placed, click, within)
         return None

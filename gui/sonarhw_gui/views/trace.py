@@ -84,7 +84,7 @@ class TickAxis(base.PlotAxis):
     def __init__(self, side: str) -> None:
         super().__init__(side)
         self._unit, self._highest = "", np.inf
-        self._heights: Heights | None = None
+        self.heights: Heights | None = None
 
     def set_unit(self, unit: str, scale: float) -> None:
         """Show tick values in `unit`; `scale` converts from plot coordinates."""
@@ -95,8 +95,8 @@ class TickAxis(base.PlotAxis):
 
     def set_heights(self, heights: Heights) -> None:
         """Label the axis for a height scale, without tick values above its top, where names are drawn."""
-        if heights != self._heights:
-            self._heights, self._highest = heights, heights.top + _ROUNDING
+        if heights != self.heights:
+            self.heights, self._highest = heights, heights.top + _ROUNDING
             base.label_axis(self, heights.label)
 
     def tickStrings(self, values: list[float], scale: float, spacing: float) -> list[str]:
@@ -222,11 +222,11 @@ class TraceMarks(base.PlotLayer):
         super().__init__(plot)
         self._gain_axis = gain_axis
         self._drawn = False  # whether there is a trace
-        self._blanking = self._add(pg.LinearRegionItem(movable=False), _BEHIND, brush="blanking")
-        self._pens += [(line, "blanking", 1.0, Qt.PenStyle.SolidLine) for line in self._blanking.lines]
-        self._threshold = self._add(PlotLine(connect="pairs"), None, "threshold", 1, Qt.PenStyle.DashLine)
+        self.blanking = self._add(pg.LinearRegionItem(movable=False), _BEHIND, brush="blanking")
+        self._pens += [(line, "blanking", 1.0, Qt.PenStyle.SolidLine) for line in self.blanking.lines]
+        self.threshold = self._add(PlotLine(connect="pairs"), None, "threshold", 1, Qt.PenStyle.DashLine)
         self._gain = self._add(PlotLine(), _BEHIND + 1, "faint")
-        self._reported = self._add(TipSpots(size=9, symbol="t1", pen=None), 5, brush="measured")
+        self.reported = self._add(TipSpots(size=9, symbol="t1", pen=None), 5, brush="measured")
         self.sound = self._add(pg.InfiniteLine(angle=90), None, "chosen", 2)
         self.crossing = self._add(Spots(size=14, symbol="o", brush=None), 6, "measured", 2)  # of the threshold
         self.draw_sound(None, EMPTY)
@@ -248,23 +248,23 @@ class TraceMarks(base.PlotLayer):
         self._drawn = trace is not None
         if trace is None:
             return
-        self._blanking.setRegion((0.0, trace.blanking))
+        self.blanking.setRegion((0.0, trace.blanking))
         levels = [heights.of(trace.threshold_db)]
         if not heights.decibels:
             levels.append(-levels[0])
         ends = [(time, level) for level in levels for time in (trace.blanking, trace.duration)]
-        self._threshold.setData(*np.array(ends).T)
+        self.threshold.setData(*np.array(ends).T)
         begun = trace.gain.times >= _FROM
         placed = self._gain_axis.heights_of_gains(trace.gain.values[begun], heights)
         self._gain.setData(trace.gain.times[begun], placed)
         data = [f"reported: {look.unit.text(trace.range_at(time))}, {time * 1e3:.2f} ms" for time in trace.echo_times]
-        self._reported.setData(trace.echo_times, np.full(len(data), levels[0]), data)
+        self.reported.setData(trace.echo_times, np.full(len(data), levels[0]), data)
 
     def set_visible(self, shown: Shown) -> None:
         """Show the marks of the layers that `shown` draws; without a trace, none."""
         for item, layer in (
-            *((self._blanking, ViewLayer.BLANKING), (self._threshold, ViewLayer.THRESHOLD)),
-            *((self._gain, None), (self._reported, ViewLayer.TRACE)),
+            *((self.blanking, ViewLayer.BLANKING), (self.threshold, ViewLayer.THRESHOLD)),
+            *((self._gain, None), (self.reported, ViewLayer.TRACE)),
         ):
             item.setVisible(self._drawn and layer not in shown.hidden)
 
@@ -291,12 +291,12 @@ class EchoNumbers:
         self._metrics = QFontMetricsF(self._font)
         self._echoes: list[tuple[int, NamedEcho]] = []  # the reported one first, then by level
         self._visible = True
-        self._heights = EMPTY
-        self._items: list[pg.TextItem] = []
+        self.heights = EMPTY
+        self.items: list[pg.TextItem] = []
         self._stems = PlotLine(connect="pairs")
         # by whether the echo is detectable
-        self._heads = {detected: TipSpots(size=7, symbol="t", pen=None) for detected in (False, True)}
-        for item in (self._stems, *self._heads.values()):
+        self.heads = {detected: TipSpots(size=7, symbol="t", pen=None) for detected in (False, True)}
+        for item in (self._stems, *self.heads.values()):
             view.addItem(item, ignoreBounds=True)
         view.sigXRangeChanged.connect(self._lay_out)
         view.sigResized.connect(self._lay_out)
@@ -307,17 +307,17 @@ class EchoNumbers:
         self._font.setPointSizeF(_POINTS * look.scale)
         self._metrics = QFontMetricsF(self._font)
         self._stems.setPen(base.cosmetic_pen(look.palette.predicted, width=1, style=Qt.PenStyle.DotLine))
-        for detected, heads in self._heads.items():
+        for detected, heads in self.heads.items():
             heads.setBrush(self._colour(detected))
-        for item in self._items:
+        for item in self.items:
             item.setFont(self._font)
 
     def draw(self, echoes: Sequence[NamedEcho], heights: Heights) -> None:
         """Draw the numbers of these echoes and set the height range of the plot."""
         numbered = enumerate(sorted(echoes, key=lambda echo: echo.time), start=1)
         self._echoes = sorted(numbered, key=lambda pair: (not pair[1].first, -pair[1].level_db))
-        self._heights = heights
-        for detected, heads in self._heads.items():
+        self.heights = heights
+        for detected, heads in self.heads.items():
             some = [(number, echo) for number, echo in self._echoes if echo.detectable is detected]
             tips = [self._tip(number, echo) for number, echo in some]
             heads.setData([echo.time for _, echo in some], [heights.of(echo.level_db) for _, echo in some], tips)
@@ -332,23 +332,23 @@ class EchoNumbers:
     def _lay_out(self, *_: object) -> None:
         height = max(self._view.height(), 1.0)
         row = min(_ROW * self._look.scale, _SHARE * height)
-        bottom, top = self._heights.bottom, self._heights.top
+        bottom, top = self.heights.bottom, self.heights.top
         per_pixel = (top - bottom) / (height - row)
         self._view.setYRange(bottom, bottom + height * per_pixel, padding=0)
         fitting = self._fitting() if self._visible else []
-        for heads in self._heads.values():
+        for heads in self.heads.values():
             heads.setVisible(self._visible)
-        ends = [(echo.time, end) for _, echo in fitting for end in (self._heights.of(echo.level_db), top)]
+        ends = [(echo.time, end) for _, echo in fitting for end in (self.heights.of(echo.level_db), top)]
         self._stems.setData(*np.array(ends).reshape(-1, 2).T)
-        while len(self._items) < len(fitting):
+        while len(self.items) < len(fitting):
             item = pg.TextItem(anchor=(0.5, 0.5))
             item.setFont(self._font)
             item.textItem.document().setDocumentMargin(0)  # the row is low
             self._view.addItem(item, ignoreBounds=True)
-            self._items.append(item)
-        for item in self._items[len(fitting) :]:
+            self.items.append(item)
+        for item in self.items[len(fitting) :]:
             item.setVisible(False)
-        for item, (number, echo) in zip(self._items, fitting, strict=False):
+        for item, (number, echo) in zip(self.items, fitting, strict=False):
             text, colour = str(number), self._colour(echo.detectable)
             # laying out a text takes long
             if (item.textItem.toPlainText(), item.color.name()) != (text, colour.lower()):
@@ -395,7 +395,7 @@ class TraceView(QWidget):
         self._shown: Shown | None = None
         self._look = Look()
         self._trace: ChosenTrace | None = None
-        self._duration, self._heights = 0.0, EMPTY
+        self._duration, self.heights = 0.0, EMPTY
         self.envelope = base.view_action(self, "Envelope", "V", "Show the envelope in dB")
         self.rf = base.view_action(self, "RF", "R", "Show the signal with its carrier")
         self.forms = QActionGroup(self)
@@ -406,18 +406,18 @@ class TraceView(QWidget):
         self.title, self.readout = ElidedLabel(), PlainLabel()
         self.title.setAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
         gain_axis = GainAxis()
-        self._times, self._ranges, self._levels = (TickAxis(side) for side in ("bottom", "top", "left"))
-        axes = {"left": self._levels, "right": gain_axis, "top": self._ranges, "bottom": self._times}
+        self._times, self.range_axis, self._levels = (TickAxis(side) for side in ("bottom", "top", "left"))
+        axes = {"left": self._levels, "right": gain_axis, "top": self.range_axis, "bottom": self._times}
         self.plot = base.new_plot(axes, zooms_height=False)
         self.canvas = base.Canvas(self.plot)
-        self._predicted, self._measured = _curve_item(), _curve_item()
-        for item in (self._predicted, self._measured):
+        self.predicted, self.measured = _curve_item(), _curve_item()
+        for item in (self.predicted, self.measured):
             self.plot.addItem(item, ignoreBounds=True)
         self.marks = TraceMarks(self.plot, gain_axis)
         self.numbers = EchoNumbers(self.plot.vb)
         self.cursors = TraceCursors(self.plot, self._read_cursors)
-        self._pointer = pg.InfiniteLine(angle=90)
-        self.plot.addItem(self._pointer, ignoreBounds=True)
+        self.pointer = pg.InfiniteLine(angle=90)
+        self.plot.addItem(self.pointer, ignoreBounds=True)
         self._arrange()
         self._connect()
 
@@ -435,7 +435,7 @@ class TraceView(QWidget):
             self._show_board_range(shown.scene)
         self._update_title()
         if before is None or _moved(before, shown):
-            self.marks.draw_sound(shown.sound, self._heights)
+            self.marks.draw_sound(shown.sound, self.heights)
         self._point(shown.cursor)
 
     def _arrange(self) -> None:
@@ -470,38 +470,38 @@ class TraceView(QWidget):
         self._times.set_unit("ms", 1e3)
         gain = self.plot.getAxis("right")
         base.label_axis(gain, "gain (dB)")
-        for axis in (gain, self._ranges):
+        for axis in (gain, self.range_axis):
             axis.setGrid(False)
-        self._predicted.setPen(base.cosmetic_pen(colours.predicted, width=1, style=Qt.PenStyle.DashLine))
-        self._measured.setPen(base.cosmetic_pen(colours.measured, width=1))
-        self._pointer.setPen(base.cosmetic_pen(colours.chosen, width=1, style=Qt.PenStyle.DotLine))
+        self.predicted.setPen(base.cosmetic_pen(colours.predicted, width=1, style=Qt.PenStyle.DashLine))
+        self.measured.setPen(base.cosmetic_pen(colours.measured, width=1))
+        self.pointer.setPen(base.cosmetic_pen(colours.chosen, width=1, style=Qt.PenStyle.DotLine))
         for part in (self.marks, self.numbers, self.cursors):
             part.set_look(look)
 
     def _draw(self, trace: ChosenTrace | None) -> None:
         self._trace = trace
         rf = self.rf.isChecked()
-        self._heights = heights = heights_of(trace, rf) if trace else EMPTY
+        self.heights = heights = heights_of(trace, rf) if trace else EMPTY
         self._levels.set_heights(heights)
         unit = self._look.unit
-        self._ranges.set_unit(unit.label, (trace.speed if trace else Air().speed_of_sound) / 2 * unit.per_metre)
+        self.range_axis.set_unit(unit.label, (trace.speed if trace else Air().speed_of_sound) / 2 * unit.per_metre)
         for item, sound in (
-            (self._measured, trace.measured if trace else None),
-            (self._predicted, trace.predicted if trace else None),
+            (self.measured, trace.measured if trace else None),
+            (self.predicted, trace.predicted if trace else None),
         ):
             curve = None if sound is None else signal_curve(sound) if rf else sound.envelope
             _set_curve(item, curve, heights)
         self.marks.draw(trace, heights, self._look)
         self.numbers.draw(trace.echoes if trace else (), heights)
         self._update_title()
-        self._measured.setZValue(1 if rf else -1)
+        self.measured.setZValue(1 if rf else -1)
         if trace is not None:
             self._set_time_range(trace)
         self._read_cursors()
 
     def _show_layers(self, shown: Shown) -> None:
-        self._measured.setVisible(shown.draws(ViewLayer.TRACE))
-        self._predicted.setVisible(shown.draws(ViewLayer.PREDICTED))
+        self.measured.setVisible(shown.draws(ViewLayer.TRACE))
+        self.predicted.setVisible(shown.draws(ViewLayer.PREDICTED))
         self.numbers.set_visible(shown.draws(ViewLayer.PREDICTED))
         self.marks.set_visible(shown)
 
@@ -560,9 +560,9 @@ class TraceView(QWidget):
             self.gestures.pointed.emit(Cursor(self._trace.heading, self._trace.range_at(time)))
 
     def _point(self, cursor: Cursor | None) -> None:
-        self._pointer.setVisible(cursor is not None and self._trace is not None)
+        self.pointer.setVisible(cursor is not None and self._trace is not None)
         if cursor is not None and self._trace is not None:
-            self._pointer.setValue(self._trace.time_at(cursor.range))
+            self.pointer.setValue(self._trace.time_at(cursor.range))
 
 
 def _marked(shown: Shown) -> tuple[object, ...]:

@@ -34,7 +34,7 @@ from sonarhw_gui.window.views import OpenedDock, ViewArea
 _LEAST_WIDTH = 290  # pixels
 
 
-class _VerticalScrollArea(QtWidgets.QScrollArea):
+class VerticalScrollArea(QtWidgets.QScrollArea):
     """Scrolls vertically; never narrower than its content."""
 
     def __init__(self, panel: QtWidgets.QWidget) -> None:
@@ -65,7 +65,7 @@ class PanelDock(OpenedDock):
         views: ViewArea,
     ) -> None:
         """`key` opens and closes it, `about` says what it is for, and `show` updates the panel."""
-        super().__init__(name, _VerticalScrollArea(panel), views, key)
+        super().__init__(name, VerticalScrollArea(panel), views, key)
         self._panel, self._show_in_panel, self._views = panel, show, views
         self._shown: Shown | None = None
         self.opener.setToolTip(f"{about} ({key})")
@@ -177,7 +177,7 @@ class MainWindow(QtWidgets.QMainWindow):
         plots = [partial(self._show_plot, place) for place in range(self.views.plots_beside)]
         self._texts = (self._show_texts, self._show_sentence, self._show_figures)
         in_turns = (part for parts in zip_longest(plots, self._texts) for part in parts if part is not None)
-        self._turns = Turns(tuple(in_turns), _TURN, self)
+        self.turns = Turns(tuple(in_turns), _TURN, self)
         # once for all tabs and plots that are created when they are first visible
         self._names_timer = QTimer(self, singleShot=True, interval=0)
         self._names_timer.timeout.connect(self._name_tab_stops)
@@ -315,9 +315,9 @@ class MainWindow(QtWidgets.QMainWindow):
         self.hint.show_state(shown)
         self._show_commands()
         if self._is_busy:
-            self._turns.advance()
+            self.turns.advance()
         else:
-            self._turns.all_now()
+            self.turns.all_now()
 
     @Slot()
     def _show_title(self) -> None:
@@ -374,7 +374,7 @@ class MainWindow(QtWidgets.QMainWindow):
     @Slot(object)
     def _show_status(self, status: Status) -> None:
         if self._is_busy:
-            self._turns.soon()
+            self.turns.soon()
         else:
             for show in self._texts:
                 show()

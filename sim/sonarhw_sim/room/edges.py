@@ -21,7 +21,7 @@ _DIVIDES = 1e-6  # largest distance of 180° / angle from a whole number
 _FLUSH = 1e-9  # rad
 _FEW = 1 << 14  # pairs of vertex and wall that are tested without a grid
 _AT_ONCE = 1 << 18  # pairs at a time: all of a large room would need gigabytes
-_MOST_FACES = 10_000_000  # chained walls have 2 each; overlapping walls have the square of their number
+MOST_FACES = 10_000_000  # chained walls have 2 each; overlapping walls have the square of their number
 
 
 @dataclass(frozen=True)
@@ -173,7 +173,7 @@ def _faces_at(vertices: FloatArray, walls: FloatArray) -> _Faces:
     for vertex, wall in _pairs_near(np.arange(len(vertices)), np.arange(len(walls), dtype=np.int32), vertices, walls):
         faces = _list_faces(vertex, wall, vertices, walls)
         count += len(faces[0])
-        if count > _MOST_FACES:
+        if count > MOST_FACES:
             raise _overlap(faces[0], vertices)
         parts.append(_first_of_flush(*faces))
     vertex, direction, wall = _first_of_flush(*(np.concatenate(column) for column in zip(*parts, strict=True)))
@@ -184,7 +184,7 @@ def _overlap(crowded: NDArray[np.intp], vertices: FloatArray) -> InputError:
     """Return the error for walls that overlap at these vertices, given once for each face there."""
     x, y = vertices[np.bincount(crowded).argmax()]
     return InputError(
-        f"walls: too many overlap, for example at x = {x:g} m, y = {y:g} m: expected at most {_MOST_FACES} directions "
+        f"walls: too many overlap, for example at x = {x:g} m, y = {y:g} m: expected at most {MOST_FACES} directions "
         "of walls at ends of walls (about 2000 walls that overlap on one line); replace walls on one line by one wall"
     )
 

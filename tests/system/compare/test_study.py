@@ -214,7 +214,7 @@ def test_without_pyarrow_the_error_names_the_extra(tmp_path: Path) -> None:
 def test_a_study_without_a_cluster_leaves_no_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("sonarhw_compare.study._ANSWER_WITHIN", 0.2)
+    monkeypatch.setattr("sonarhw_compare.study.ANSWER_WITHIN", 0.2)
     command = ["study", str(spec_of(tmp_path)), "--out", str(tmp_path / "out")]
     for scheduler in ("tcp://127.0.0.1:1", "nonsense://127.0.0.1:1"):  # none at this port, and no such protocol
         assert run([*command, "--scheduler", scheduler]) == 2

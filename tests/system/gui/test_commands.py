@@ -188,7 +188,7 @@ def test_the_hint_of_the_first_start_says_what_is_seen_until_a_reading_is_clicke
     for word, label in zip(("fake scanner", "predicted", "Click"), hint.labels, strict=True):
         assert word in label.text()
     until(lambda: predicted(window))
-    click(ranges, ranges.ranges.vb, drawn(ranges._marks[0])[20])
+    click(ranges, ranges.ranges.vb, drawn(ranges.marks[0])[20])
     until(lambda: not hint.isVisible() and session.shown.chosen == 20)
     window.close()
     window = open_with(memory=memory)

@@ -419,7 +419,7 @@ def test_notes_are_made_edited_deleted_undone_and_found_with_keys_and_mouse(
     note(9, "the post")
     assert stored(log) == {9: "the post", 27: "false wall, 3 bounces"}
     plan, ranges = window.views.plan.drawing, window.views.ranges
-    for marks in (plan._marks, ranges._marks[0]):
+    for marks in (plan.marks, ranges.marks[0]):
         assert {*zip(*marks.notes.getData(), strict=True)} == {drawn(marks)[9], drawn(marks)[27]}
         assert marks.notes.isVisible()
     window.legend.more.setChecked(True)
@@ -450,7 +450,7 @@ def test_notes_are_made_edited_deleted_undone_and_found_with_keys_and_mouse(
             reading, below = 2, table.view.viewport()
             at = table.view.visualRect(table.model.index(reading, Column.HEADING)).center()
         else:
-            view, marks = (plan, plan._marks) if place == "plan" else (ranges, ranges._marks[0])
+            view, marks = (plan, plan.marks) if place == "plan" else (ranges, ranges.marks[0])
             box = plan.plot.vb if place == "plan" else ranges.ranges.vb
             reading, point = next((k, at) for k, at in drawn(marks).items() if box.viewRect().contains(*at))
             below, at = view.viewport(), pixel_at(view, box, point)

@@ -98,11 +98,11 @@ class Plan:
 
     def labels(self) -> list[object]:
         """Return the visible labels of bounces."""
-        return [label for label in self.view.path._labels if label.isVisible()]
+        return [label for label in self.view.path.labels if label.isVisible()]
 
     def outside(self) -> set[int]:
         """Return the readings that are drawn outside the visible part."""
-        return {k for k, at in drawn(self.view._marks).items() if not self.box.viewRect().contains(*at)}
+        return {k for k, at in drawn(self.view.marks).items() if not self.box.viewRect().contains(*at)}
 
 
 @pytest.fixture(scope="module")
@@ -131,7 +131,7 @@ def plan(shared: MainWindow, scene: Scene) -> Iterator[Plan]:
 def measured(plan: Plan, recorded: Path) -> Plan:
     """The plan with the readings of a log."""
     plan.session.show_log(read_log(recorded))
-    until(lambda: predicted(plan.window) and len(drawn(plan.view._marks)) > 30)
+    until(lambda: predicted(plan.window) and len(drawn(plan.view.marks)) > 30)
     return plan
 
 
@@ -454,7 +454,7 @@ def test_each_bounce_has_a_number_that_covers_nothing_and_its_wall_and_loss_are_
     assert [label.toPlainText() for label in plan.labels()] == ["1, 3", "2"]
     listed = "1 bottom −0.4 dB · 2 top −0.4 dB · 3 bottom −0.4 dB"
     until(lambda: plan.window.bounces.text() == bounces_text(plan.shown) == listed)
-    x, y = plan.view.path._rays.getData()
+    x, y = plan.view.path.rays.getData()
     assert len(x) == 5  # sensor, bottom, top, bottom, sensor
     assert (x[0], y[0]) == (x[-1], y[-1]) == plan.sensor
     before = {widget for widget in QApplication.allWidgets() if isinstance(widget, Legend)}
@@ -472,7 +472,7 @@ def test_the_frame_holds_the_room_and_arrows_at_the_edge_point_to_the_readings_o
     assert all(frame.contains(x, y) for x, y in walls)
     assert max(np.ptp(walls, axis=0) / (frame.width(), frame.height())) > 0.7
     assert sum(arrow.count for arrow in arrows.arrows) == len(plan.outside()) > 0
-    (x, y), positions = plan.sensor, drawn(plan.view._marks)
+    (x, y), positions = plan.sensor, drawn(plan.view.marks)
     for arrow in arrows.arrows:
         assert arrows.boundingRect().contains(*arrow.middle)
         assert arrow.distance == pytest.approx(math.dist((x, y), positions[arrow.reading]))
@@ -487,7 +487,7 @@ def test_the_frame_holds_the_room_and_arrows_at_the_edge_point_to_the_readings_o
         assert arrows.text(arrow).startswith(heading_text(heading))
 
     # readings close together share an arrow, and the selected one comes first
-    few = edge_arrows(plan.view._marks.placed, QRectF(-0.01, -0.01, 0.02, 0.02), (200.0, 200.0), (0.0, 0.0), chosen)
+    few = edge_arrows(plan.view.marks.placed, QRectF(-0.01, -0.01, 0.02, 0.02), (200.0, 200.0), (0.0, 0.0), chosen)
     assert sum(arrow.count for arrow in few) > len(few)
     assert few[0].reading == chosen
     assert all(math.dist(one.middle, other.middle) >= 50 for one, other in itertools.combinations(few, 2))
@@ -564,7 +564,7 @@ def test_a_heading_without_a_reading_is_explained_by_mouse_and_keys(plan: Plan) 
 
 def test_the_list_of_echoes_is_ranked_and_draws_the_path_pointed_at(measured: Plan) -> None:
     plan, listed = measured, measured.window.views.echo_list
-    table, pointed = listed.table, measured.view.path._pointed
+    table, pointed = listed.table, measured.view.path.pointed
     plan.window.views.docks[3].opener.trigger()
     plan.showing.choose(27)  # at 270°
     until(lambda: listed.title.text().startswith("270.0° · ") and "the runner-up" in listed.note.text())
@@ -618,7 +618,7 @@ def test_sound_is_played_moved_with_the_slider_and_shown_in_plan_and_trace(plan:
     ping, layer = sound.state.ping, plan.view.sound
     seek(1.35e-3)
     # 0.463 m along the path: down to the wall, and 0.293 m beyond the sensor
-    assert np.nanmax(layer._winner.getData()[1]) == pytest.approx(1.35e-3 * ping.speed - 0.085, abs=1e-3)
+    assert np.nanmax(layer.winner.getData()[1]) == pytest.approx(1.35e-3 * ping.speed - 0.085, abs=1e-3)
     assert bar.caption.text() == "1.35 ms: the board listens"
     assert not marks.crossing.isVisible()
     seek(ping.duration)
@@ -679,11 +679,11 @@ def test_one_plan_shows_readings_the_other_the_prediction_with_common_pan_zoom_a
     one, other = window.views.side_by_side.measured, window.views.side_by_side.predicted
     until(lambda: other.shown is plan.shown)
     rows = plan.shown.rows
-    assert len(drawn(one._marks)) == np.count_nonzero(np.isfinite(rows.measured) | np.isfinite(rows.predicted)) > 30
-    assert not drawn(other._marks)
-    outlined = [np.isfinite(view._outline.getData()[1]).sum() for view in (one, other)]
+    assert len(drawn(one.marks)) == np.count_nonzero(np.isfinite(rows.measured) | np.isfinite(rows.predicted)) > 30
+    assert not drawn(other.marks)
+    outlined = [np.isfinite(view.outline.getData()[1]).sum() for view in (one, other)]
     assert outlined == [0, np.isfinite(plan.shown.outline.ranges).sum()]
-    assert [len(view.room._walls.getData()[0]) for view in (one, other)] == [8, 8]
+    assert [len(view.room.walls.getData()[0]) for view in (one, other)] == [8, 8]
     pause(50)
     plan.key("F")
     (left, right), _ = one.plot.vb.viewRange()
@@ -703,4 +703,4 @@ def test_one_plan_shows_readings_the_other_the_prediction_with_common_pan_zoom_a
     until(lambda: "at 180.0°" in window.sentence.text())
     drag(other, other.plot.vb, (x, y), (0.5, 0.3))
     until(lambda: predicted(window))
-    until(lambda: all(v.sensor._sensor.getData()[0][0] == pytest.approx(0.5, abs=0.005) for v in (one, other)))
+    until(lambda: all(v.sensor.spot.getData()[0][0] == pytest.approx(0.5, abs=0.005) for v in (one, other)))

@@ -351,7 +351,7 @@ def test_a_replay_moves_the_sensor_along_the_poses_and_draws_readings_where_they
     until(lambda: session.shown.compared is not None and session.shown.compared.end == 26)
     keep_pictures(window, "drive")
     at_walls = {k: (2.0, 0.7) if k % 2 == 0 else (x[k // 2], 1.6) for k in range(26)}
-    assert drawn(plan._marks) == {k: pytest.approx(point, abs=1e-5) for k, point in at_walls.items()}
+    assert drawn(plan.marks) == {k: pytest.approx(point, abs=1e-5) for k, point in at_walls.items()}
     assert {row.kind for row in map(session.shown.row, range(26)) if row} == {Kind.MATCH}
     for reading in (25, 8, 3):
         session.replay.seek_reading(reading)

@@ -154,11 +154,11 @@ def test_a_new_material_is_assigned_to_a_wall_and_the_last_wall_cannot_be_remove
     before = edits.scene
     push(panel.surface.remove)
     assert edits.scene is before
-    assert "last wall" in panel._refused.text()
-    assert panel._refused.isVisible()
+    assert "last wall" in panel.refused.text()
+    assert panel.refused.isVisible()
     edits.scene = replace(edits.scene, room=None, place=None)
     edits.show()
-    assert not any(group.isEnabled() for group in panel._groups)
+    assert not any(group.isEnabled() for group in panel.groups)
 
 
 class Heights(QObject):
@@ -172,7 +172,7 @@ class Heights(QObject):
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         if event.type() is QEvent.Type.Paint:
-            self.painted.append([group.height() for group in self._panel._groups])
+            self.painted.append([group.height() for group in self._panel.groups])
         return False
 
 
@@ -184,7 +184,7 @@ def test_edits_in_the_panel_of_a_window_are_predicted_undone_and_saved(
     until(lambda: predicted(window))
     heights = Heights(panel)
     key(window, "F8")
-    needed = [group.minimumSizeHint().height() for group in panel._groups]
+    needed = [group.minimumSizeHint().height() for group in panel.groups]
     until(lambda: bool(heights.painted))  # the panel has its height from its first paint
     assert all(height >= least for painted in heights.painted for height, least in zip(painted, needed, strict=True))
     controller.choose_surface("top")

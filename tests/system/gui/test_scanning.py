@@ -112,8 +112,8 @@ def test_a_scan_in_the_window_is_live_until_it_is_stopped(
     assert log.torn is None
     assert 3 <= len(log.readings) < ENDLESS.readings
     reached = {k for k, reading in enumerate(session.shown.readings) if reading.range is not None}
-    until(lambda: reached <= drawn(window.views.plan.drawing._marks).keys())
-    assert len(window.views.ranges._outline.getData()[0]) >= 360
+    until(lambda: reached <= drawn(window.views.plan.drawing.marks).keys())
+    assert len(window.views.ranges.outline.getData()[0]) >= 360
     until(lambda: window.sentence.text() == session.shown.sentence)
     assert window.windowTitle() == "sonarhw — Simple room · place figure9 · fake readings — simple.toml[*]"
     QApplication.sendEvent(window, QStatusTipEvent(window.commands.scan.statusTip()))

@@ -102,7 +102,7 @@ def _is_cut(part: QLabel | QAbstractButton) -> bool:
         return False
     needed = part.minimumSizeHint().width() if isinstance(part, QLabel) else part.fontMetrics().horizontalAdvance(text)
     window = part.window()
-    scrolled = any(type(parent).__name__ == "_VerticalScrollArea" for parent in _ancestors(part))
+    scrolled = any(type(parent).__name__ == "VerticalScrollArea" for parent in _ancestors(part))
     across = QRect(part.mapTo(window, QPoint()), part.size())
     outside = across.left() < 0 or across.right() >= window.width() or across.bottom() >= window.height()
     return part.width() < needed or (outside and not scrolled)
@@ -159,7 +159,7 @@ def test_nothing_is_cut_or_off_screen_with_any_view_or_panel(
     for dock in window.docks:
         dock.close()
     drawing = window.views.plan.drawing  # numbers of bounces are within the plan
-    numbers = [label.textItem for label in drawing.path._labels if label.isVisible()]
+    numbers = [label.textItem for label in drawing.path.labels if label.isVisible()]
     assert numbers
     seen = drawing.plot.vb.sceneBoundingRect
     until(lambda: all(seen().contains(one.mapRectToScene(one.boundingRect())) for one in numbers))

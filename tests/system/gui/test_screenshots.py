@@ -58,7 +58,7 @@ class Album:
     def keep(self, part: QWidget, name: str) -> None:
         """Save a picture of a window or a dialog in 256 colours, which takes a third of the space."""
         if isinstance(part, MainWindow):
-            part._turns.all_now()  # during a scan, each view waits for its turn
+            part.turns.all_now()  # during a scan, each view waits for its turn
         image, scale = part.grab().toImage(), part.devicePixelRatioF()
         if part.isWindow() and isinstance(part, MainWindow):
             assert (image.width(), image.height()) == tuple(round(scale * length) for length in self._size)
@@ -249,7 +249,7 @@ def test_picture_of_the_question_in_the_readme(
     with_look(window, look)
     until(lambda: predicted(window))
     ranges = window.views.ranges
-    click(ranges, ranges.ranges.vb, drawn(ranges._marks[0])[54])
+    click(ranges, ranges.ranges.vb, drawn(ranges.marks[0])[54])
     until(lambda: traced(window))
     assert window.sentence.text() == (
         "0.827 m at 270.0°: three reflections, bottom, top, bottom; the near wall (0.085 m) lies within blanking"

@@ -86,20 +86,20 @@ def test_every_view_has_a_menu_of_the_window_resets_its_range_and_selects_readin
 
     # readings are selected with the mouse in any view, and with keys
     assert showing.shown.chosen == ORDER.readings - 1
-    click(plan, plan.plot.vb, drawn(plan._marks)[27])
+    click(plan, plan.plot.vb, drawn(plan.marks)[27])
     assert showing.shown.chosen == 27
     until(lambda: "Trace at 270.0°" in views.trace.title.text())
     assert all(part in window.sentence.text() for part in ("at 270.0°", "bottom, top, bottom"))
     row, prediction = showing.shown.chosen_row, showing.shown.prediction
     ping, speed = prediction.ping(row.index), prediction.room.air.speed_of_sound
-    marked = np.concatenate([heads.getData()[0] for heads in views.trace.numbers._heads.values()])
+    marked = np.concatenate([heads.getData()[0] for heads in views.trace.numbers.heads.values()])
     echoes = ping.echoes + ping.blanked_echoes
     assert sorted(marked) == sorted(prediction.apparent_lengths[echo.path] / speed for echo in echoes)
-    tips = [tip for heads in views.trace.numbers._heads.values() for tip in heads.about]
+    tips = [tip for heads in views.trace.numbers.heads.values() for tip in heads.about]
     assert any(tip.startswith("2: bottom>top>bottom\n") for tip in tips)  # 1 arrives within blanking
     click(plan, plan.plot.vb, (0.2, 0.35))  # far from all readings
     assert showing.shown.chosen == 27
-    x, y = drawn(ranges._marks[0])[9]
+    x, y = drawn(ranges.marks[0])[9]
     click(ranges, ranges.ranges.vb, (x + 2.0, y))  # the nearest one
     assert showing.shown.chosen == views.table.view.currentIndex().row() == 9
     table, model = views.table.view, views.table.model
@@ -170,13 +170,13 @@ def test_every_view_has_a_menu_of_the_window_resets_its_range_and_selects_readin
 
 def test_every_entry_of_the_legend_switches_its_layer_with_a_key(window: MainWindow) -> None:
     views = window.views
-    until(lambda: window.session.shown.trace is not None and views.trace._measured.isVisible())
+    until(lambda: window.session.shown.trace is not None and views.trace.measured.isVisible())
     items_of = {
-        ViewLayer.TRACE: [views.trace._measured],
-        ViewLayer.PREDICTED: [views.trace._predicted, views.plan.drawing._outline, views.ranges._outline],
-        ViewLayer.THRESHOLD: [views.trace.marks._threshold],
-        ViewLayer.BEAM: [views.plan.drawing.sensor._beam],
-        ViewLayer.BLANKING: [views.trace.marks._blanking],
+        ViewLayer.TRACE: [views.trace.measured],
+        ViewLayer.PREDICTED: [views.trace.predicted, views.plan.drawing.outline, views.ranges.outline],
+        ViewLayer.THRESHOLD: [views.trace.marks.threshold],
+        ViewLayer.BEAM: [views.plan.drawing.sensor.beam],
+        ViewLayer.BLANKING: [views.trace.marks.blanking],
         ViewLayer.RAYS: [],
     }
     assert set(items_of) == set(ViewLayer)
@@ -187,7 +187,7 @@ def test_every_entry_of_the_legend_switches_its_layer_with_a_key(window: MainWin
         key(entry, "Space")
         until(lambda layer=layer: layer in window.session.shown.hidden)
         assert not any(item.isVisible() for item in items), layer
-    rays = views.plan.drawing.path._rays.getData()[0]
+    rays = views.plan.drawing.path.rays.getData()[0]
     assert rays is None or not len(rays)
     key(entry, "Space")
     until(lambda: layer not in window.session.shown.hidden)
@@ -228,14 +228,14 @@ def test_a_bscan_is_computed_while_it_is_visible_and_links_clicks_and_cursors(
     QTest.mouseMove(view.canvas.viewport(), at(Pane.MEASURED, 90, 0.6))
     until(lambda: session.shown.cursor is not None and abs(session.shown.cursor.range - 0.6) < 0.02)
     assert math.degrees(session.shown.cursor.heading) == pytest.approx(90.0, abs=1.0)
-    until(trace._pointer.isVisible)
-    assert trace._pointer.value() == pytest.approx(session.shown.trace.time_at(session.shown.cursor.range), rel=1e-3)
+    until(trace.pointer.isVisible)
+    assert trace.pointer.value() == pytest.approx(session.shown.trace.time_at(session.shown.cursor.range), rel=1e-3)
 
     key(window, "Shift+F4")  # all panes, with common pan, zoom and cursor
     until(lambda: len(view.settings.panes) == len(Pane) and computed(window))
     session.showing.point_at(Cursor(math.radians(45.0), 0.7))
     for pane in view.panes.values():
-        until(lambda pane=pane: np.allclose(pane._cursor.getData(), [[45.0], [0.7]]))
+        until(lambda pane=pane: np.allclose(pane.cursor.getData(), [[45.0], [0.7]]))
     view.panes[Pane.PREDICTED].plot.vb.setRange(xRange=(30, 60), yRange=(0.2, 0.8), padding=0)
     for pane in view.panes.values():
         np.testing.assert_allclose(pane.plot.vb.viewRange(), [[30, 60], [0.2, 0.8]])
@@ -315,20 +315,20 @@ def trace(qtbot: QtBot, traced: Shown) -> TraceView:
 def test_a_trace_has_consistent_axes_and_every_mark_at_the_time_of_its_echo(trace: TraceView, traced: Shown) -> None:
     for unit, metres in ((LengthUnit.M, 1.0), (LengthUnit.CM, 0.01), (LengthUnit.FT, 0.3048)):
         trace.show_state(replace(traced, look=Look(unit=unit)))
-        axis = trace._ranges  # the range at the time below
+        axis = trace.range_axis  # the range at the time below
         spacing, times = axis.tickValues(0.0, traced.trace.duration, 800.0)[0]
         for time, text in zip(times, axis.tickStrings(times, axis.scale, spacing), strict=True):
             figure, name = text.split(" ")
             rounded = 0.51 * metres * 10 ** -len(figure.partition(".")[2])
             assert name == unit.label
             assert float(figure) * metres == pytest.approx(SPEED * time / 2, abs=rounded)
-    x = np.concatenate([heads.getData()[0] for heads in trace.numbers._heads.values()])
+    x = np.concatenate([heads.getData()[0] for heads in trace.numbers.heads.values()])
     assert sorted(x) == sorted(echo.time for echo in traced.trace.echoes)
-    assert trace.marks._blanking.getRegion() == (0.0, traced.scene.board.blanking)
-    reported, height = trace.marks._reported.getData()
+    assert trace.marks.blanking.getRegion() == (0.0, traced.scene.board.blanking)
+    reported, height = trace.marks.reported.getData()
     assert reported.tolist() == list(traced.readings[0].echo_times)
     assert set(height) == {traced.scene.board.threshold_db}
-    numbers = [item for item in trace.numbers._items if item.isVisible()]
+    numbers = [item for item in trace.numbers.items if item.isVisible()]
     assert len(numbers) >= 2
     times = [item.pos().x() for item in sorted(numbers, key=lambda item: int(item.toPlainText()))]
     assert times == sorted(times)
@@ -336,8 +336,8 @@ def test_a_trace_has_consistent_axes_and_every_mark_at_the_time_of_its_echo(trac
     assert not [1 for k, one in enumerate(boxes) for other in boxes[:k] if one.intersects(other)]
     alone = [replace(echo, summed=False) for echo in traced.trace.echoes]
     for echoes, sums in ((traced.trace.echoes, True), (alone, False)):
-        trace.numbers.draw(echoes, trace.numbers._heights)
-        tips = [tip for heads in trace.numbers._heads.values() for tip in heads.about]
+        trace.numbers.draw(echoes, trace.numbers.heights)
+        tips = [tip for heads in trace.numbers.heads.values() for tip in heads.about]
         assert len(tips) >= 3
         assert all(("dB, sum of all arrivals within one wavelength" in tip) == sums for tip in tips)
 
@@ -349,12 +349,12 @@ def test_keys_switch_between_carrier_and_envelope_and_move_two_cursors_with_read
     assert "dB" in label.labelText
     key(trace, "R")
     until(lambda: "signal" in label.labelText)
-    _, carrier = trace._predicted.getOriginalDataset()
+    _, carrier = trace.predicted.getOriginalDataset()
     assert carrier.min() < -0.02 < 0.02 < carrier.max()
     assert "envelope only" in trace.title.text()
     key(trace, "V")
     until(lambda: "dB" in label.labelText)
-    assert trace._predicted.getOriginalDataset()[1].max() <= 0
+    assert trace.predicted.getOriginalDataset()[1].max() <= 0
 
     assert not trace.readout.isVisible()
     key(trace, "C")
@@ -381,9 +381,9 @@ def test_the_trace_follows_and_sends_the_cursor_keeps_its_zoom_and_says_what_is_
     assert cursors[-1].range == pytest.approx(0.6864, abs=0.01)
     assert math.degrees(cursors[-1].heading) % 360 == pytest.approx(270.0)
     trace.show_state(replace(traced, cursor=Cursor(0.3, 0.5)))
-    assert (trace._pointer.isVisible(), trace._pointer.value()) == (True, pytest.approx(2 * 0.5 / SPEED))
+    assert (trace.pointer.isVisible(), trace.pointer.value()) == (True, pytest.approx(2 * 0.5 / SPEED))
     trace.show_state(replace(traced, cursor=None))
-    assert not trace._pointer.isVisible()
+    assert not trace.pointer.isVisible()
     trace.plot.setXRange(0.002, 0.003, padding=0)
     trace.show_state(replace(traced, trace=replace(traced.trace)))  # stays for the next reading
     assert trace.plot.viewRange()[0] == pytest.approx([0.002, 0.003])
@@ -441,7 +441,7 @@ def colour_at(view: pg.GraphicsView, box: pg.ViewBox, at: tuple[float, float]) -
 def test_residuals_are_measured_minus_predicted_and_beyond_the_scale_an_arrow(ranges: RangeView, four: Shown) -> None:
     for row in four.compared.stretches[0].comparison.rows:
         if row.kind in (Kind.MATCH, Kind.SHORT, Kind.LONG):
-            heading, residual = drawn(ranges._marks[1])[row.index]
+            heading, residual = drawn(ranges.marks[1])[row.index]
             assert heading == pytest.approx(90 * row.index)
             assert residual == pytest.approx(float(np.clip(row.residual, -0.25, 0.25)))
     far = (four.row(0).predicted, None, four.row(2).predicted + 0.4, four.row(3).predicted - 0.2)
@@ -522,7 +522,7 @@ def test_the_view_of_the_worked_example_counts_the_residuals(qtbot: QtBot, four:
     alone(qtbot, view, 400, 300)
     residuals = [row.residual for row in four.compared.stretches[0].comparison.rows if row.residual is not None]
     assert residuals
-    assert view._steps.getData()[1].sum() == sum(abs(residual) < 0.255 for residual in residuals)
+    assert view.steps.getData()[1].sum() == sum(abs(residual) < 0.255 for residual in residuals)
 
 
 def test_the_table_is_sorted_and_filtered_by_numbers_words_and_classes(table: TableView, shown: Shown) -> None:
@@ -735,7 +735,7 @@ def test_a_dense_scan_is_compared_from_the_selected_reading_on_and_its_classes_c
         return {model.data(model.index(row, Column.CLASS)) for row in range(0, model.rowCount(), 10)}
 
     entry, pill = window.legend.entries[Kind.SHORT], views.table.classes[Kind.SHORT]
-    marks = [views.plan.drawing._marks, *views.ranges._marks]
+    marks = [views.plan.drawing.marks, *views.ranges.marks]
     for widget, visible in ((entry, False), (pill, True)):
         push(widget)
         until(lambda visible=visible: ("short" in classes()) is visible)
@@ -747,7 +747,7 @@ def test_a_dense_scan_is_compared_from_the_selected_reading_on_and_its_classes_c
     drawing = views.plan.drawing
     drawing.plot.vb.autoRange()
     pause(50)
-    image, ratio, positions = drawing.viewport().grab().toImage(), drawing.devicePixelRatioF(), drawn(drawing._marks)
+    image, ratio, positions = drawing.viewport().grab().toImage(), drawing.devicePixelRatioF(), drawn(drawing.marks)
     for reading, kind in (((SHORT.start + SHORT.stop) // 2, Kind.SHORT), (SHORT.stop + 200, Kind.MATCH)):
         at = pixel_at(drawing, drawing.plot.vb, positions[reading])
         colour = image.pixelColor(round(at.x() * ratio), round(at.y() * ratio))

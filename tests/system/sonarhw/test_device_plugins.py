@@ -77,7 +77,7 @@ def sonarhw(installed: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.Capt
 
 def forget_packages() -> None:
     """Look for installed packages again, as a new process does."""
-    device_plugin._installed.cache_clear()
+    device_plugin.installed_plugins.cache_clear()
     sys.modules.pop("rangebox", None)
 
 
@@ -131,7 +131,7 @@ def test_a_broken_plugin_is_one_line(value: str, message: str, tmp_path: Path, m
     (tmp_path / "exits.py").write_text("import sys; sys.exit(3)")
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(
-        device_plugin, "_installed", lambda: {"broken": (EntryPoint("broken", value, device_plugin.GROUP),)}
+        device_plugin, "installed_plugins", lambda: {"broken": (EntryPoint("broken", value, device_plugin.GROUP),)}
     )
     with pytest.raises(InputError, match=f"the plug-in {value} {message}"):
         device_plugin.make_plugin("broken:1")
@@ -443,7 +443,7 @@ class Blocked(Unsteady):
 
 
 def test_a_plugin_that_blocks_does_not_prevent_stop_and_close(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(plugin_device, "_END_WITHIN", 0.1)
+    monkeypatch.setattr(plugin_device, "END_WITHIN", 0.1)
     plugin = Blocked()
     with open_device(plugin) as scanner:
         threading.Timer(0.2, scanner.stop).start()

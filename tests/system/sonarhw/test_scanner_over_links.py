@@ -70,7 +70,7 @@ class AskedBoard(FakeBoard):
     """A board that keeps the last ping settings that were asked for."""
 
     asked = Configure(1, 0, 0, 1)
-    turntable = ConfigureTurntable(0, 0, 0, 0)
+    asked_turntable = ConfigureTurntable(0, 0, 0, 0)
 
     def configure(self, request: Configure, sequence: int) -> Settings:
         """Keep the request."""
@@ -79,7 +79,7 @@ class AskedBoard(FakeBoard):
 
     def configure_turntable(self, request: ConfigureTurntable, sequence: int) -> TurntableSettings:
         """Keep the request, and confirm it."""
-        self.turntable = request
+        self.asked_turntable = request
         return TurntableSettings(sequence, request.speed, request.acceleration, request.settle_us, request.approach)
 
 
@@ -99,9 +99,9 @@ def test_settings_of_the_turntable_are_sent_in_the_units_of_the_protocol_and_ret
     board = AskedBoard(PlainEchoes())
     with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint, Scanner.open(endpoint.url) as scanner:
         assert scanner.configure_turntable() == TurnSettings(0.0, 0.0, 0.02, Approach.EITHER)
-        assert board.turntable == ConfigureTurntable(0, 0, 20_000, 0)
+        assert board.asked_turntable == ConfigureTurntable(0, 0, 20_000, 0)
         found = scanner.configure_turntable(math.radians(90), math.radians(450), 0.05, Approach.CLOCKWISE)
-        assert board.turntable == ConfigureTurntable(90_000_000, 450_000_000, 50_000, 2)
+        assert board.asked_turntable == ConfigureTurntable(90_000_000, 450_000_000, 50_000, 2)
         assert (found.speed, found.acceleration) == pytest.approx((math.radians(90), math.radians(450)))
         assert found.settling == pytest.approx(0.05)
         assert found.approach is Approach.CLOCKWISE

@@ -89,6 +89,6 @@ def test_positions_are_drawn_uniformly_with_their_clearance(monkeypatch: pytest.
     assert (np.hypot(*(drawn - (2.0, 1.5)).T) > 0.3).all()
     # symmetric about the middle
     assert drawn.mean(axis=0) == pytest.approx([2.0, 1.5], abs=0.08)
-    monkeypatch.setattr("sonarhw_compare.free_space._TRIES", 1000)  # fewer tries to draw a place
+    monkeypatch.setattr("sonarhw_compare.free_space.TRIES", 1000)  # fewer tries to draw a place
     with pytest.raises(InputError, match=r"no place is 0\.6 m from every wall"):
         space.draw(random, 0.6)

@@ -242,7 +242,7 @@ def overlapping(count: int) -> str:
 
 
 def test_too_many_overlapping_walls_are_refused_with_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(edges, "_MOST_FACES", 1000)
+    monkeypatch.setattr(edges, "MOST_FACES", 1000)
     assert len(parse_room(overlapping(15), "few.toml").edges) == 2
     with pytest.raises(
         InputError, match=r"^many\.toml: walls: too many overlap, .* y = 0 m: .* at most 1000 .*one wall$"

@@ -24,7 +24,7 @@ def served(faults: WiringFault = WiringFault(0), minor: int = 2) -> Iterator[tup
 
 def test_levels_and_inverted_parts_are_printed() -> None:
     with served(WiringFault.ECHO_HIGH | WiringFault.CAM_INVERTED) as (board, url):
-        assert math.degrees(board._turntable.initial) == pytest.approx(344.2, abs=0.1)  # the mark is dark, the cam high
+        assert math.degrees(board.turntable.initial) == pytest.approx(344.2, abs=0.1)  # the mark is dark, the cam high
         plain = sonarhw("wiring", url)
         assert plain.stdout.splitlines() == ["mark      low", "cam       low", "echo      high", "inverted  nothing"]
         assert "inverted  cam, motor\n" in sonarhw("wiring", url, "--invert", "cam", "--invert", "motor").stdout
@@ -59,7 +59,7 @@ def test_one_switch_homes_without_a_cam_and_limits_the_scan(tmp_path: Path) -> N
 @pytest.mark.parametrize(("fault", "sign"), [(WiringFault(0), 1), (WiringFault.MOTOR_REVERSED, -1)])
 def test_a_jog_shows_the_direction_of_the_motor(fault: WiringFault, sign: int) -> None:
     with served(fault) as (board, url):
-        before = board._turntable.true_angle(1e9)
+        before = board.turntable.true_angle(1e9)
         done = sonarhw("turn", url, "--jog", "5")
         assert (done.returncode, done.stderr) == (0, f"{url}: turned by 5.0°\n")
-        assert math.degrees(board._turntable.true_angle(1e9) - before) == pytest.approx(5 * sign)
+        assert math.degrees(board.turntable.true_angle(1e9) - before) == pytest.approx(5 * sign)

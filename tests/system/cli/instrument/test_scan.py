@@ -287,7 +287,7 @@ def test_readings_are_printed_and_nothing_turns(url: str, board: FakeBoard) -> N
     assert (done.returncode, done.stderr) == (0, "3 readings, 3 with an echo\n")
     rows = [re.fullmatch(r" *(\d+\.\d{3}) s  (\d\.\d{3}) (\d\.\d{3}) m", line) for line in done.stdout.splitlines()]
     assert [row and row[1] for row in rows] == ["0.000", "0.100", "0.200"]
-    true_angle = board._turntable.true_angle(1e9)
+    true_angle = board.turntable.true_angle(1e9)
     expected = SPEED * echo_time(true_angle) / 2
     assert [float(row[2]) for row in rows if row] == pytest.approx([expected] * 3, abs=0.01)
     assert board.zero is Zero.UNKNOWN
@@ -315,7 +315,7 @@ def test_ctrl_c_ends_pings_without_a_count_and_closes_the_log(url: str, log: Pat
 
 def test_a_scan_with_the_zero_here_starts_where_the_table_is(url: str, board: FakeBoard, log: Path) -> None:
     sonarhw("ping", url, "--count", "1")
-    before = board._turntable.true_angle(1e9)
+    before = board.turntable.true_angle(1e9)
     done = sonarhw("scan", url, "--out", log, "--to", "30", "--step", "10", "--zero-here")
     assert done.returncode == 0, done.stderr
     readings = read_log(log).readings

@@ -363,7 +363,7 @@ def test_turning_and_scanning_home_first_and_a_refusal_ends_its_job_only(bench: 
 
 
 def test_homing_without_an_end_is_stopped_with_an_error(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bench.board._turntable, "home", lambda now: now + 1e6)
+    monkeypatch.setattr(bench.board.turntable, "home", lambda now: now + 1e6)
     with pytest.raises(DeviceError, match="check that the turntable can move freely"):
         bench.do(homing(), within=MOVE_WITHIN + 5)
     assert not bench.board.busy

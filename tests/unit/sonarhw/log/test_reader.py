@@ -121,7 +121,7 @@ def record(path: Path, frames: Conversation) -> None:
 
 def read_by_frames(path: Path, monkeypatch: pytest.MonkeyPatch) -> Log:
     with monkeypatch.context() as without:
-        without.setattr(sonarhw.log.reader, "_stored_index", lambda *_: None)
+        without.setattr(sonarhw.log.reader, "stored_index", lambda *_: None)
         return read_log(path)
 
 
@@ -177,7 +177,7 @@ def test_a_lost_part_of_a_trace_is_a_gap(tmp_path: Path) -> None:
 
 
 def test_a_trace_is_read_on_first_use(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sonarhw.log.mcap_records._WINDOW", 1)
+    monkeypatch.setattr("sonarhw.log.mcap_records.WINDOW", 1)
     path = tmp_path / "scan.mcap"
     write_example(path, 4, trace=True)
     reading = read_log(path).readings[2]
@@ -247,7 +247,7 @@ def only_by_index(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object) -> None:
         raise AssertionError
 
-    monkeypatch.setattr(sonarhw.log.reader, "_decoded", refuse)
+    monkeypatch.setattr(sonarhw.log.reader, "decoded_frames", refuse)
 
 
 # nonsense behind correct checksums: all that is readable is read, and no declared size is believed

@@ -409,7 +409,7 @@ def test_a_log_that_can_no_longer_be_written_is_continued_in_another_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: str, copied: bool
 ) -> None:
     if not copied:
-        monkeypatch.setattr(sonarhw.log.writer, "_MOST_COPIED", 0)
+        monkeypatch.setattr(sonarhw.log.writer, "MOST_COPIED", 0)
     first, warnings = tmp_path / "drive" / "scan.mcap", list[str]()
     first.parent.mkdir()
     drive = Drive(monkeypatch, first) if fault == "removed" else None
