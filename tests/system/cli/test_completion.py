@@ -4,13 +4,12 @@ import os
 import shlex
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 from sonarhw_cli.app import run
 
-COMMAND = [sys.executable, "-c", "from sonarhw_cli.entry import main; main()"]
+from tests.fixtures.commands import COMMAND
 
 
 @pytest.fixture

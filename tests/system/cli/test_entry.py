@@ -95,9 +95,12 @@ while True:
 BUSY = "import hashlib" + CLEANUP.replace("time.sleep(60)", "hashlib.pbkdf2_hmac('sha256', b'', b'', 10**9)")
 
 
+ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join([str(CHECKOUT), os.environ.get("PYTHONPATH", "")])}
+
+
 @contextmanager
 def begun(
-    code: str, *arguments: str, folder: Path, environment: dict[str, str], errors: int = subprocess.PIPE
+    code: str, *arguments: str, folder: Path, environment: dict[str, str] = ENVIRONMENT, errors: int = subprocess.PIPE
 ) -> Iterator[subprocess.Popen[str]]:
     """Yield a running Python program that has printed `begun`."""
     command = [sys.executable, "-c", code, *arguments]
@@ -111,31 +114,24 @@ def begun(
             process.kill()
 
 
-@pytest.fixture
-def environment() -> dict[str, str]:
-    return {**os.environ, "PYTHONPATH": os.pathsep.join([str(CHECKOUT), os.environ.get("PYTHONPATH", "")])}
-
-
 @pytest.mark.parametrize("reaction", [LOST, WRAPPED, PRINTED], ids=["lost", "wrapped", "printed"])
-def test_ctrl_c_ends_a_command_quietly_if_a_library_changes_the_exception(
-    reaction: str, tmp_path: Path, environment: dict[str, str]
-) -> None:
-    with begun(ANY, reaction, folder=tmp_path, environment=environment) as process:
+def test_ctrl_c_ends_a_command_quietly_if_a_library_changes_the_exception(reaction: str, tmp_path: Path) -> None:
+    with begun(ANY, reaction, folder=tmp_path) as process:
         process.send_signal(signal.SIGINT)
         assert process.communicate(timeout=HANG) == ("", "")
     assert process.returncode == INTERRUPTED
 
 
 @pytest.mark.parametrize("code", [CONVERTED, IMPORTED], ids=["result of a kernel", "import of Qt"])
-def test_ctrl_c_does_not_crash_a_library(code: str, tmp_path: Path, environment: dict[str, str]) -> None:
-    with begun(ANY, code, folder=tmp_path, environment=environment) as process:
+def test_ctrl_c_does_not_crash_a_library(code: str, tmp_path: Path) -> None:
+    with begun(ANY, code, folder=tmp_path) as process:
         assert process.communicate(timeout=HANG) == ("", "")
     assert process.returncode == INTERRUPTED
 
 
 @pytest.mark.parametrize("cleanup", [CLEANUP, BUSY], ids=["asleep", "busy"])
-def test_a_second_ctrl_c_ends_a_command_at_once(cleanup: str, tmp_path: Path, environment: dict[str, str]) -> None:
-    with begun(ANY, cleanup, folder=tmp_path, environment=environment) as process:
+def test_a_second_ctrl_c_ends_a_command_at_once(cleanup: str, tmp_path: Path) -> None:
+    with begun(ANY, cleanup, folder=tmp_path) as process:
         process.send_signal(signal.SIGINT)
         assert process.stdout.readline() == "cleanup\n"
         process.send_signal(signal.SIGINT)
@@ -143,8 +139,8 @@ def test_a_second_ctrl_c_ends_a_command_at_once(cleanup: str, tmp_path: Path, en
     assert process.returncode == INTERRUPTED
 
 
-def test_an_exception_without_ctrl_c_gives_a_traceback(tmp_path: Path, environment: dict[str, str]) -> None:
-    with begun(ANY, "print('begun'); raise ZeroDivisionError", folder=tmp_path, environment=environment) as process:
+def test_an_exception_without_ctrl_c_gives_a_traceback(tmp_path: Path) -> None:
+    with begun(ANY, "print('begun'); raise ZeroDivisionError", folder=tmp_path) as process:
         _, errors = process.communicate(timeout=HANG)
     assert process.returncode == 1
     assert "ZeroDivisionError" in errors
@@ -214,7 +210,7 @@ POINTS = "[sonarhw.devices]\nblocking = blocking:Blocking\n"
 
 
 @pytest.fixture
-def with_plugin(tmp_path: Path, environment: dict[str, str]) -> dict[str, str]:
+def with_plugin(tmp_path: Path) -> dict[str, str]:
     """Return an environment in which the plug-in that blocks is installed."""
     packages = tmp_path / "packages"
     metadata = packages / "blocking-1.0.dist-info"
@@ -222,7 +218,7 @@ def with_plugin(tmp_path: Path, environment: dict[str, str]) -> dict[str, str]:
     (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: blocking\nVersion: 1.0\n")
     (metadata / "entry_points.txt").write_text(POINTS)
     (packages / "blocking.py").write_text(BLOCKING)
-    return {**environment, "PYTHONPATH": os.pathsep.join((str(packages), environment["PYTHONPATH"]))}
+    return {**ENVIRONMENT, "PYTHONPATH": os.pathsep.join((str(packages), ENVIRONMENT["PYTHONPATH"]))}
 
 
 @pytest.mark.parametrize(
@@ -259,11 +255,9 @@ sys.modules["slow"] = Slow()
 
 
 @pytest.mark.parametrize("left", [THREAD, FREED], ids=["thread", "memory"])
-def test_what_a_library_leaves_does_not_hold_the_end_of_a_command(
-    left: str, tmp_path: Path, environment: dict[str, str]
-) -> None:
+def test_what_a_library_leaves_does_not_hold_the_end_of_a_command(left: str, tmp_path: Path) -> None:
     never = f"print('begun', flush=True)\n{left}"
-    with begun(ANY, never, folder=tmp_path, environment=environment) as process:
+    with begun(ANY, never, folder=tmp_path) as process:
         assert process.communicate(timeout=HANG) == ("", "")
     assert process.returncode == 0
 
@@ -314,21 +308,6 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def started(folder: Path, code: tuple[str, str], *arguments: str) -> "subprocess.Popen[str]":
-    """Start a command, and return it when it waits in the middle of writing."""
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(CHECKOUT), os.environ.get("PYTHONPATH", "")])}
-    process = subprocess.Popen(
-        [sys.executable, "-c", WAITING.format(*code), *arguments],
-        cwd=folder,
-        env=environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    assert process.stdout.readline() == "begun\n"
-    return process
-
-
 @pytest.mark.parametrize(
     ("name", "number"),
     [*((name, signal.SIGINT) for name in COMMANDS), ("export", signal.SIGTERM), ("export", signal.SIGHUP)],
@@ -336,7 +315,7 @@ def started(folder: Path, code: tuple[str, str], *arguments: str) -> "subprocess
 def test_a_signal_leaves_the_old_file_and_no_hidden_one(folder: Path, name: str, number: signal.Signals) -> None:
     out = folder / COMMANDS[name][-1]
     out.write_bytes(OLD)
-    with started(folder, SLEEPING, *COMMANDS[name], "--force") as process:
+    with begun(WAITING.format(*SLEEPING), *COMMANDS[name], "--force", folder=folder) as process:
         assert len([*out.parent.iterdir()]) == 2
         process.send_signal(number)
         assert process.communicate(timeout=HANG) == ("", "")
@@ -347,19 +326,19 @@ def test_a_signal_leaves_the_old_file_and_no_hidden_one(folder: Path, name: str,
 def test_sigkill_leaves_the_old_file(folder: Path) -> None:
     out = folder / COMMANDS["export"][-1]
     out.write_bytes(OLD)
-    with started(folder, SLEEPING, *COMMANDS["export"], "--force") as process:
+    with begun(WAITING.format(*SLEEPING), *COMMANDS["export"], "--force", folder=folder) as process:
         process.kill()
     assert out.read_bytes() == OLD
 
 
 def test_sigkill_leaves_no_half_file(folder: Path) -> None:
-    with started(folder, SLEEPING, *COMMANDS["export"]) as process:
+    with begun(WAITING.format(*SLEEPING), *COMMANDS["export"], folder=folder) as process:
         process.kill()
     assert not (folder / "new" / "scan.mcap").exists()
 
 
 def test_a_second_signal_leaves_no_hidden_file_even_if_a_library_swallows_the_first(folder: Path) -> None:
-    with started(folder, SWALLOWING, *COMMANDS["export"]) as process:
+    with begun(WAITING.format(*SWALLOWING), *COMMANDS["export"], folder=folder) as process:
         process.send_signal(signal.SIGTERM)
         assert process.stdout.readline() == "swallowed\n"
         process.send_signal(signal.SIGTERM)

@@ -36,11 +36,42 @@ A_DEGREE = MICROSTEPS // 360
 CAM_INVERTED, CAM_OPEN, MOTOR_REVERSED, MARK_OPEN, MARK_INVERTED = 1, 2, 4, 8, 16  # enum host_wiring
 
 
-def home_board(board: PortableBoard, position: int = 0) -> None:
-    board.c.host_grain(50)
-    board.c.host_set_position(position)
+def put(board: PortableBoard, degrees: float = 0, wiring: int = 0, grain: int = 200) -> None:
+    """Put the table there by hand, with this wiring, and greet the board."""
+    board.c.host_grain(grain)
+    board.c.host_set_position(round(degrees * A_DEGREE))
+    board.c.host_wiring(wiring)
     board.ask(Hello(1, 0))
-    assert board.finish(Home()).outcome == Outcome.DONE
+
+
+def restart(board: PortableBoard) -> None:
+    """Restart the board, and greet it."""
+    board.c.host_restart()
+    board.ask(Hello(1, 0))
+
+
+def carry_out(board: PortableBoard, *actions: Message, within: int = 10_000_000) -> None:
+    """Send actions one after another, and assert that each is done."""
+    assert [board.finish(action, within).outcome for action in actions] == [Outcome.DONE] * len(actions)
+
+
+def home_board(board: PortableBoard) -> None:
+    put(board, grain=50)
+    carry_out(board, Home())
+
+
+def refusal(board: PortableBoard, action: Message) -> Refused:
+    """Send an action that is refused, and return the answer."""
+    return next(message for message in board.ask(action) if isinstance(message, Refused))
+
+
+def lost_steps(board: PortableBoard) -> int:
+    return next(message.lost_steps for message in board.ask(AskStatistics()) if isinstance(message, Statistics))
+
+
+def assert_within(travel: list[float], lowest: float, highest: float, beyond: float = 0.0) -> None:
+    """Assert that a table stays between two angles, and at most so far `beyond`, degrees."""
+    assert lowest - beyond <= min(travel) <= max(travel) <= highest + beyond
 
 
 STARTS = [-719, -361, -200, -181, -30, -20, -10, -1, 0, 1, 90, 179, 180, 181, 360, 500, 719]
@@ -54,32 +85,28 @@ def assert_homes(board: PortableBoard, degrees: int, within: int) -> None:
     board.c.host_set_position(degrees * A_DEGREE)
     _, angles = board.watch(Home(), within)
     assert angles[-1] == 0
-    assert min(angles) >= min(degrees, -60)
-    assert max(angles) <= max(degrees, 60)
+    assert_within(angles, min(degrees, -60), max(degrees, 60))
 
 
 @pytest.mark.parametrize("degrees", STARTS)
 def test_home_finds_zero_from_any_angle_and_keeps_the_cable_limits(board: PortableBoard, degrees: int) -> None:
     home_board(board)
     board.c.host_restart()
-    board.c.host_grain(50)
-    board.ask(Hello(1, 0))
+    put(board, grain=50)
     assert_homes(board, degrees, 20_000_000)
     # the first Home crawls; the following ones take at most 3 s
     assert_homes(board, degrees, 3_000_000)
 
 
 def test_a_table_far_from_zero_needs_a_second_home_until_its_wiring_has_worked(board: PortableBoard) -> None:
-    board.c.host_grain(200)
-    board.c.host_set_position(719 * A_DEGREE)
-    board.ask(Hello(1, 0))
+    put(board, 719)
     assert CAM in board.finish(Home(), 40_000_000).text
-    assert board.finish(Home(), 40_000_000).outcome == Outcome.DONE
+    carry_out(board, Home(), within=40_000_000)
     assert board.c.host_position() == 0
     board.c.host_restart()
     board.c.host_set_position(719 * A_DEGREE)
     board.ask(Hello(1, 0))
-    assert board.finish(Home(), 40_000_000).outcome == Outcome.DONE
+    carry_out(board, Home(), within=40_000_000)
 
 
 @pytest.mark.parametrize("degrees", [-300, 99])
@@ -98,10 +125,7 @@ def test_a_table_far_from_zero_needs_a_second_home_until_its_wiring_has_worked(b
 def test_a_wrong_wire_is_named_and_repeated_homes_wind_the_cable_no_further(
     board: PortableBoard, degrees: int, wiring: int, text: str
 ) -> None:
-    board.c.host_grain(200)
-    board.c.host_set_position(degrees * A_DEGREE)
-    board.c.host_wiring(wiring)
-    board.ask(Hello(1, 0))
+    put(board, degrees, wiring)
     finished, positions = board.watch(Home())
     assert finished.outcome == Outcome.FAULT
     assert text in finished.text
@@ -118,28 +142,23 @@ def test_pings_in_place_switch_no_motor_on_also_after_a_failed_home(board: Porta
     board.c.host_grain(200)
     board.ask(Hello(1, 2))
     in_place = StartScan(0, 1, 1, 2, 1, in_place=1)
-    assert board.finish(in_place, 500_000).outcome == Outcome.DONE
+    carry_out(board, in_place, within=500_000)
     assert not board.c.host_powered()
     board.c.host_wiring(MARK_OPEN)
     board.ask(Hello(1, 0))
     assert board.finish(Home(), 40_000_000).outcome == Outcome.FAULT
     position = board.c.host_position()
-    assert board.finish(in_place, 500_000).outcome == Outcome.DONE
+    carry_out(board, in_place, within=500_000)
     assert board.c.host_position() == position
 
 
 def test_a_zero_set_by_hand_needs_no_mark(board: PortableBoard) -> None:
-    board.c.host_grain(50)
-    board.c.host_set_position(100 * A_DEGREE)
-    board.c.host_wiring(MARK_OPEN | CAM_OPEN)
-    board.ask(Hello(1, 0))
+    put(board, 100, MARK_OPEN | CAM_OPEN, grain=50)
     board.ask(SetZero())
     assert not board.c.host_powered()
-    assert board.finish(Turn(400_000_000)).outcome == Outcome.DONE
+    carry_out(board, Turn(400_000_000))
     assert board.c.host_position() == 500 * A_DEGREE
-    (refused,) = board.ask(Turn(721_000_000))
-    assert isinstance(refused, Refused)
-    assert refused.code == Refusal.OUT_OF_RANGE
+    assert refusal(board, Turn(721_000_000)).code == Refusal.OUT_OF_RANGE
 
 
 @pytest.mark.parametrize("degrees", [-300, 99])
@@ -155,19 +174,15 @@ def test_a_zero_set_by_hand_needs_no_mark(board: PortableBoard) -> None:
 def test_settings_correct_inverted_wires_and_outlast_a_restart(
     board: PortableBoard, degrees: int, faults: int, settings: Wiring
 ) -> None:
-    board.c.host_grain(200)
-    board.c.host_set_position(degrees * A_DEGREE)
-    board.c.host_wiring(faults)
-    board.ask(Hello(1, 0))
+    put(board, degrees, faults)
     (answer,) = board.ask(ConfigureWiring(settings, settings))
     assert answer == WiringSettings(answer.command, settings)  # type: ignore[attr-defined]
     for _ in range(2):
-        assert board.finish(Home(), 40_000_000).outcome == Outcome.DONE
+        carry_out(board, Home(), within=40_000_000)
         assert board.c.host_position() == 0
-        assert board.finish(Turn(50_000_000), 40_000_000).outcome == Outcome.DONE
+        carry_out(board, Turn(50_000_000), within=40_000_000)
         assert board.c.host_position() == 50 * A_DEGREE
-        board.c.host_restart()
-        board.ask(Hello(1, 0))
+        restart(board)
     (answer,) = board.ask(ConfigureWiring(0, 0))
     assert answer.inverted == settings  # type: ignore[attr-defined]
 
@@ -175,16 +190,14 @@ def test_settings_correct_inverted_wires_and_outlast_a_restart(
 def test_a_change_of_the_wiring_makes_the_zero_unknown_and_the_next_home_crawl(board: PortableBoard) -> None:
     home_board(board)
     board.ask(ConfigureWiring(Wiring.MARK, 0))
-    refused = next(m for m in board.ask(Turn(0)) if isinstance(m, Refused))
-    assert refused.code == Refusal.NOT_HOMED
+    assert refusal(board, Turn(0)).code == Refusal.NOT_HOMED
     board.c.host_set_position(99 * A_DEGREE)
     board.ask(Home(), 1_000_000)
     assert 99 - board.c.host_position() / A_DEGREE == pytest.approx(45, abs=2)
 
 
 def test_repeated_jogs_wind_the_cable_no_further_than_a_home(board: PortableBoard) -> None:
-    board.c.host_grain(200)
-    board.ask(Hello(1, 0))
+    put(board)
     jogs = 0
     while not any(isinstance(m, Refused) for m in board.ask(Turn(10_000_000, relative=1), 500_000)):
         jogs += 1
@@ -192,9 +205,7 @@ def test_repeated_jogs_wind_the_cable_no_further_than_a_home(board: PortableBoar
 
 
 def test_a_limit_of_homing_is_named(board: PortableBoard) -> None:
-    board.c.host_grain(200)
-    board.c.host_wiring(CAM_OPEN)
-    board.ask(Hello(1, 0))
+    put(board, wiring=CAM_OPEN)
     for _ in range(2):
         assert CAM in board.finish(Home(), 40_000_000).text
     finished = board.finish(Home(), 1_000_000)
@@ -203,9 +214,7 @@ def test_a_limit_of_homing_is_named(board: PortableBoard) -> None:
 
 
 def test_homes_with_changing_settings_wind_the_cable_no_further(board: PortableBoard) -> None:
-    board.c.host_grain(200)
-    board.c.host_wiring(CAM_OPEN)
-    board.ask(Hello(1, 0))
+    put(board, wiring=CAM_OPEN)
     both = Wiring.CAM | Wiring.MOTOR
     for k in range(4):
         board.finish(Home(), 40_000_000)
@@ -246,11 +255,9 @@ def test_a_displaced_mark_ends_a_scan_with_lost_steps_and_requires_homing(board:
     finished = board.finish(StartScan(-30_000_000, 5_000_000, 12, 1, 1))
     assert finished.outcome == Outcome.LOST_STEPS
     assert "Home" in finished.text
-    statistics = next(m for m in board.ask(AskStatistics()) if isinstance(m, Statistics))
-    assert abs(statistics.lost_steps) == 64
-    refused = next(m for m in board.ask(Turn(0)) if isinstance(m, Refused))
-    assert refused.code == Refusal.NOT_HOMED
-    assert board.finish(Home()).outcome == Outcome.DONE
+    assert abs(lost_steps(board)) == 64
+    assert refusal(board, Turn(0)).code == Refusal.NOT_HOMED
+    carry_out(board, Home())
     assert board.c.host_position() == 0
 
 
@@ -259,17 +266,16 @@ def test_a_displaced_mark_ends_a_scan_with_lost_steps_and_requires_homing(board:
 def test_a_missing_mark_ends_a_turn_with_lost_steps(board: PortableBoard, start: int, approach: Approach) -> None:
     home_board(board)
     board.ask(ConfigureTurntable(0, 0, 20_000, approach))
-    assert board.finish(Turn(start * 1_000_000)).outcome == Outcome.DONE
+    carry_out(board, Turn(start * 1_000_000))
     board.c.host_motor(SLIPPING)
     mark = 360 if start > 0 else 0
-    assert board.finish(Turn(mark * 1_000_000 - 5_000_000)).outcome == Outcome.DONE
+    carry_out(board, Turn(mark * 1_000_000 - 5_000_000))
     # at the position of the mark, and the next movement does not reset the search for it
-    assert board.finish(Turn(mark * 1_000_000)).outcome == Outcome.DONE
+    carry_out(board, Turn(mark * 1_000_000))
     assert board.finish(Turn(mark * 1_000_000 + 6_000_000)).outcome == Outcome.LOST_STEPS
-    statistics = next(m for m in board.ask(AskStatistics()) if isinstance(m, Statistics))
-    assert statistics.lost_steps != 0
+    assert lost_steps(board) != 0
     board.c.host_motor(RAMPED)
-    assert board.finish(Home()).outcome == Outcome.DONE
+    carry_out(board, Home())
 
 
 @pytest.mark.parametrize("then", [10, -1])
@@ -278,13 +284,12 @@ def test_a_mark_that_passes_while_the_table_settles_is_counted(
     board: PortableBoard, approach: Approach, then: int
 ) -> None:
     home_board(board)
-    assert board.finish(Turn(-30_000_000)).outcome == Outcome.DONE
+    carry_out(board, Turn(-30_000_000))
     board.c.host_set_position(board.c.host_position() - 2)  # the zero is two steps off
-    assert board.finish(Turn(0)).outcome == Outcome.DONE
+    carry_out(board, Turn(0))
     board.c.host_set_position(0)  # the table lags behind the last step
     board.ask(ConfigureTurntable(0, 0, 20_000, approach))
-    assert board.finish(Turn(then * 1_000_000)).outcome == Outcome.DONE
-    assert board.finish(Turn(40_000_000)).outcome == Outcome.DONE
+    carry_out(board, Turn(then * 1_000_000), Turn(40_000_000))
     # the next mark is not missed either
     board.c.host_motor(SLIPPING)
     assert board.finish(Turn(370_000_000)).outcome == Outcome.LOST_STEPS
@@ -297,7 +302,7 @@ def test_turning_back_and_forth_over_the_mark_reports_no_lost_steps(board: Porta
         board.ask(ConfigureTurntable(0, 0, 1000, approach))
         for _ in range(12):
             turn = choice.choice([-360, 0, 360]) * 1_000_000
-            assert board.finish(Turn(turn + choice.randrange(-7_000_000, 7_000_000))).outcome == Outcome.DONE
+            carry_out(board, Turn(turn + choice.randrange(-7_000_000, 7_000_000)))
 
 
 @pytest.mark.parametrize(
@@ -328,10 +333,7 @@ LIMIT = "homing may wind the cable no further; unwind it by hand and restart the
 
 def one_switch(board: PortableBoard, degrees: float, faults: int = 0) -> None:
     """Put the table there by hand, and choose one switch."""
-    board.c.host_grain(200)
-    board.c.host_set_position(round(degrees * A_DEGREE))
-    board.c.host_wiring(faults)
-    board.ask(Hello(1, 0))
+    put(board, degrees, faults)
     board.ask(ConfigureWiring(Wiring.ONE_SWITCH, Wiring.ONE_SWITCH))
 
 
@@ -346,14 +348,13 @@ def test_a_table_near_zero_homes_by_the_mark(board: PortableBoard, degrees: int)
     finished, travel = board.watch(Home())
     assert finished.outcome == Outcome.DONE
     assert board.angle == 0
-    assert min(travel) >= min(degrees, -1) - SLOWING
-    assert max(travel) <= max(degrees, 1) + SLOWING
+    assert_within(travel, min(degrees, -1), max(degrees, 1), SLOWING)
 
 
 @pytest.mark.parametrize("degrees", [-177, -176, -140, -90, -46, -5, -1, -0.05, 0, 0.05, 1, 5, 46, 90, 140, 176, 177])
 def test_a_table_homes_from_its_whole_range_after_a_power_failure(board: PortableBoard, degrees: float) -> None:
     one_switch(board, 10, CAM_INVERTED)
-    assert board.finish(Home()).outcome == Outcome.DONE
+    carry_out(board, Home())
     for _ in range(3):
         board.c.host_restart()
         board.c.host_set_position(round(degrees * A_DEGREE))
@@ -361,15 +362,13 @@ def test_a_table_homes_from_its_whole_range_after_a_power_failure(board: Portabl
         finished, travel = board.watch(Home())
         assert finished.outcome == Outcome.DONE
         assert board.angle == 0
-        assert min(travel) >= min(degrees, 0) - SLOWING
-        assert max(travel) <= max(degrees, 0) + SLOWING
+        assert_within(travel, min(degrees, 0), max(degrees, 0), SLOWING)
 
 
 @pytest.mark.parametrize("degrees", [-170, -90, 5, 90, 170])
 def test_a_second_home_is_fast_and_passes_zero_by_a_few_degrees(board: PortableBoard, degrees: int) -> None:
     one_switch(board, 10)
-    assert board.finish(Home()).outcome == Outcome.DONE
-    assert board.finish(Turn(degrees * 1_000_000)).outcome == Outcome.DONE
+    carry_out(board, Home(), Turn(degrees * 1_000_000))
     began = board.now
     finished, travel = board.watch(Home())
     assert finished.outcome == Outcome.DONE
@@ -397,8 +396,7 @@ def test_a_wrong_wire_is_named_and_the_table_returns(
         assert finished.text.startswith(text)
         assert finished.text.endswith(("mark 0", "mark 1"))
         assert board.angle == degrees
-        assert min(travel) >= degrees - MARK_WITHIN - SLOWING
-        assert max(travel) <= degrees + MARK_WITHIN + SLOWING
+        assert_within(travel, degrees, degrees, MARK_WITHIN + SLOWING)
     finished, travel = board.watch(Home())
     assert finished.text.startswith(LIMIT)
     assert {*travel} == {degrees}
@@ -426,8 +424,7 @@ def test_from_elsewhere_the_table_stays_near_or_finds_the_mark_beside_it(
 @pytest.mark.parametrize("faults", [MARK_OPEN, MARK_INVERTED, MOTOR_REVERSED])
 def test_failed_homes_between_restarts_do_not_add_up(board: PortableBoard, faults: int) -> None:
     one_switch(board, 30)
-    assert board.finish(Home()).outcome == Outcome.DONE
-    assert board.finish(Turn(40_000_000)).outcome == Outcome.DONE
+    carry_out(board, Home(), Turn(40_000_000))
     board.c.host_wiring(MARK_OPEN)  # after a Home that has succeeded
     for limit in (185, MARK_WITHIN, MARK_WITHIN, MARK_WITHIN):
         board.c.host_restart()
@@ -457,21 +454,20 @@ def test_the_named_setting_corrects_a_wire_and_outlasts_a_restart(
     assert board.finish(Home(), 15_000_000).text.startswith(WRONG_WAY)
     board.ask(ConfigureWiring(settings, settings))
     for _ in range(2):
-        assert board.finish(Home(), 15_000_000).outcome == Outcome.DONE
+        carry_out(board, Home(), within=15_000_000)
         assert board.angle == 0
-        assert board.finish(Turn(-150_000_000)).outcome == Outcome.DONE
+        carry_out(board, Turn(-150_000_000))
         assert board.angle == -150
-        board.c.host_restart()
-        board.ask(Hello(1, 0))
+        restart(board)
     (answer,) = board.ask(ConfigureWiring(0, 0))
     assert answer.inverted == settings | Wiring.ONE_SWITCH  # type: ignore[attr-defined]
 
 
 def test_mark_and_motor_inverted_home_at_zero_and_turn_the_other_way(board: PortableBoard) -> None:
     one_switch(board, 20, MARK_INVERTED | MOTOR_REVERSED)
-    assert board.finish(Home(), 15_000_000).outcome == Outcome.DONE
+    carry_out(board, Home(), within=15_000_000)
     assert board.angle == pytest.approx(0, abs=0.1)
-    assert board.finish(Turn(50_000_000)).outcome == Outcome.DONE
+    carry_out(board, Turn(50_000_000))
     assert board.angle == pytest.approx(-50, abs=0.1)
 
 
@@ -485,9 +481,9 @@ def test_the_reach_is_less_than_half_a_turn_and_told(board: PortableBoard) -> No
     able = capabilities_of(board)
     assert (able.lowest_angle, able.highest_angle) == (-175_000_000, 175_000_000)
     assert able.features & Feature.ONE_SWITCH
-    assert board.finish(Home()).outcome == Outcome.DONE
+    carry_out(board, Home())
     for beyond in (-175_000_001, 175_000_001):
-        refused = next(m for m in board.ask(Turn(beyond)) if isinstance(m, Refused))
+        refused = refusal(board, Turn(beyond))
         assert refused.code == Refusal.OUT_OF_RANGE
         assert refused.text.endswith("the cable winds from -175 to 175 degrees")
     board.ask(ConfigureWiring(Wiring.ONE_SWITCH, 0))
@@ -496,52 +492,46 @@ def test_the_reach_is_less_than_half_a_turn_and_told(board: PortableBoard) -> No
 
 def test_a_scan_of_the_whole_reach_loses_no_steps_and_stays_within_half_a_turn(board: PortableBoard) -> None:
     one_switch(board, -20)
-    assert board.finish(Home()).outcome == Outcome.DONE
+    carry_out(board, Home())
     finished, travel = board.watch(StartScan(-175_000_000, 10_000_000, 36, 2, 1))
     assert (finished.outcome, finished.readings) == (Outcome.DONE, 72)
-    assert min(travel) >= -177
-    assert max(travel) <= 175
+    assert_within(travel, -177, 175)
 
 
 @pytest.mark.parametrize(("slip", "to"), [(-64, 30), (64, 30), (3000, -20), (-3000, 20), (3000, 30)])
 def test_lost_steps_are_detected_and_the_next_home_is_short(board: PortableBoard, slip: int, to: int) -> None:
     one_switch(board, 0.5)
-    assert board.finish(Home()).outcome == Outcome.DONE
-    assert board.finish(Turn(-30_000_000 if to > 0 else 30_000_000)).outcome == Outcome.DONE
+    carry_out(board, Home(), Turn(-30_000_000 if to > 0 else 30_000_000))
     board.c.host_set_position(board.c.host_position() + slip)
     finished = board.finish(Turn(to * 1_000_000))
     assert finished.outcome == Outcome.LOST_STEPS
     assert finished.text.endswith("send Home; begin within 45 degrees of 0")
-    statistics = next(m for m in board.ask(AskStatistics()) if isinstance(m, Statistics))
-    assert 0 < abs(statistics.lost_steps) <= abs(slip)
+    assert 0 < abs(lost_steps(board)) <= abs(slip)
     before = board.angle
     finished, travel = board.watch(Home())
     if abs(slip) == 64:
         assert finished.outcome == Outcome.DONE
         assert board.angle == 0
-    assert min(travel) >= before - MARK_WITHIN - SLOWING
-    assert max(travel) <= before + MARK_WITHIN + SLOWING
+    assert_within(travel, before, before, MARK_WITHIN + SLOWING)
 
 
 @pytest.mark.parametrize("stuck", [170, -170])
 def test_a_table_that_was_stuck_far_from_zero_is_not_wound_by_a_turn(board: PortableBoard, stuck: int) -> None:
     one_switch(board, 0.5)
-    assert board.finish(Home()).outcome == Outcome.DONE
-    assert board.finish(Turn(stuck * 1_000_000)).outcome == Outcome.DONE
+    carry_out(board, Home(), Turn(stuck * 1_000_000))
     board.c.host_motor(SLIPPING)
-    assert board.finish(Turn(stuck // 10 * 1_000_000)).outcome == Outcome.DONE
+    carry_out(board, Turn(stuck // 10 * 1_000_000))
     board.c.host_motor(RAMPED)
     assert board.finish(Turn(stuck * 1_000_000)).outcome == Outcome.LOST_STEPS
     for _ in range(3):
         assert board.finish(Home(), 15_000_000).outcome == Outcome.FAULT
         assert abs(board.angle) < 190
-        board.c.host_restart()
-        board.ask(Hello(1, 0))
+        restart(board)
 
 
 def test_a_table_that_turns_in_one_direction_only_loses_steps_at_once(board: PortableBoard) -> None:
     one_switch(board, 0.5)
-    assert board.finish(Home()).outcome == Outcome.DONE
+    carry_out(board, Home())
     board.c.host_wiring(DIRECTION_OPEN)
     assert board.finish(Turn(-90_000_000)).outcome == Outcome.LOST_STEPS
     assert abs(board.angle) < 15
@@ -554,17 +544,14 @@ def test_a_table_that_turns_in_one_direction_only_loses_steps_at_once(board: Por
 @pytest.mark.parametrize("degrees", [100, -100])
 def test_after_a_zero_by_hand_a_home_is_short_also_after_a_restart(board: PortableBoard, degrees: int) -> None:
     one_switch(board, 0.5)
-    assert board.finish(Home()).outcome == Outcome.DONE
-    assert board.finish(Turn(degrees * 1_000_000)).outcome == Outcome.DONE
+    carry_out(board, Home(), Turn(degrees * 1_000_000))
     board.ask(SetZero())
-    assert board.finish(Turn(degrees * 1_000_000)).outcome == Outcome.DONE
-    board.c.host_restart()
-    board.ask(Hello(1, 0))
+    carry_out(board, Turn(degrees * 1_000_000))
+    restart(board)
     finished, travel = board.watch(Home())
     assert finished.outcome == Outcome.FAULT
     assert board.angle == 2 * degrees
-    assert min(travel) >= 2 * degrees - MARK_WITHIN - SLOWING
-    assert max(travel) <= 2 * degrees + MARK_WITHIN + SLOWING
+    assert_within(travel, 2 * degrees, 2 * degrees, MARK_WITHIN + SLOWING)
 
 
 def test_jogs_of_a_table_without_a_zero_are_limited_to_a_turn(board: PortableBoard) -> None:
@@ -577,10 +564,8 @@ def test_jogs_of_a_table_without_a_zero_are_limited_to_a_turn(board: PortableBoa
 
 
 def test_a_change_to_one_switch_makes_the_zero_unknown(board: PortableBoard) -> None:
-    board.c.host_grain(200)
-    board.ask(Hello(1, 0))
-    assert board.finish(Home()).outcome == Outcome.DONE
-    assert board.finish(Turn(300_000_000)).outcome == Outcome.DONE
+    put(board)
+    carry_out(board, Home(), Turn(300_000_000))
     board.ask(ConfigureWiring(Wiring.ONE_SWITCH, Wiring.ONE_SWITCH))
     beats: list[Message] = [m for m in board.ask(AskStatistics(), 260_000) if isinstance(m, Heartbeat)]
     assert beats[-1].homed == 0  # type: ignore[attr-defined]

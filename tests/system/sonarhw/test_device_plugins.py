@@ -5,6 +5,7 @@ import importlib
 import json
 import math
 import random
+import subprocess
 import sys
 import threading
 import time
@@ -14,10 +15,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from importlib.metadata import EntryPoint
 from pathlib import Path
-from typing import NamedTuple
 
 import pytest
-from sonarhw_cli.app import run
 
 from sonarhw.errors import DeviceError, InputError, LinkLost
 from sonarhw.host.scanner import Scanner
@@ -29,6 +28,7 @@ from sonarhw.readings import Reading, ScanOrder, sector
 from sonarhw.wire.frames import Frame, encode_frame
 from sonarhw.wire.messages import NO_TEMPERATURE, Finished, Info, Message, Outcome, ReadingMessage, Settings, Started
 from tests.checkout import CHECKOUT
+from tests.fixtures import commands
 from tests.fixtures.example_logs import METADATA
 from tests.fixtures.text_devices.mcap_bytes import received_bytes
 from tests.hang_guard import HANG
@@ -51,25 +51,17 @@ def installed(tmp_path: Path) -> Path:
     return folder
 
 
-class Done(NamedTuple):
-    """How a command has ended, and what it has printed."""
-
-    returncode: int
-    stdout: str
-    stderr: str
-
-
-Command = Callable[..., Done]
+Command = Callable[..., subprocess.CompletedProcess[str]]
 
 
 @pytest.fixture
-def sonarhw(installed: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Iterator[Command]:
+def sonarhw(installed: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Command]:
     """Return a function that runs a command where the example is installed."""
     monkeypatch.syspath_prepend(installed)
 
-    def command(*words: str) -> Done:
+    def command(*words: str) -> subprocess.CompletedProcess[str]:
         forget_packages()
-        return Done(run([*words]), *capfd.readouterr())
+        return commands.sonarhw(*words)
 
     yield command
     forget_packages()

@@ -28,25 +28,20 @@ RADAR_LINES = [b"%d,23\n" % abs(step) for step in range(-10, 10)]
 RADAR = SKETCHES["radar 15 to 165"]
 
 
-def test_a_scan_records_a_sweep_and_reports_what_it_ignored(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    log = tmp_path / "scan.mcap"
-    with PrintingDevice(RADAR.rounds()) as device:
-        assert run(["scan", f"lines:{device.port}?preset=arduino-radar", "--out", str(log)]) == 0
-    said = capsys.readouterr().err.splitlines()
-    readings = read_log(log).readings
-    assert len(readings) in (150, 151)
-    echoes = sum(reading.range is not None for reading in readings)
-    assert said[0] == f"{len(readings)} readings, {echoes} with an echo, in {log}"
-    assert said[1].startswith("ignored: half lines (1)")
-    assert read_log(log).metadata.board == "hc-sr04"
-
-
-def test_readings_are_printed_and_exported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_scan_records_and_prints_a_sweep_and_reports_what_it_ignored(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     log = tmp_path / "scan.mcap"
     with PrintingDevice(RADAR.rounds()) as device:
         assert run(["scan", f"lines:{device.port}?preset=arduino-radar", "--out", str(log), "--print"]) == 0
-    rows = [line.split(",") for line in capsys.readouterr().out.splitlines()[1:]]
-    assert len(rows) >= 150
+    out, err = capsys.readouterr()
+    readings, rows = read_log(log).readings, [line.split(",") for line in out.splitlines()[1:]]
+    assert len(readings) == len(rows) in (150, 151)
+    echoes = sum(reading.range is not None for reading in readings)
+    counted, ignored, *_ = err.splitlines()
+    assert counted == f"{len(readings)} readings, {echoes} with an echo, in {log}"
+    assert ignored.startswith("ignored: half lines (1)")
+    assert read_log(log).metadata.board == "hc-sr04"
     for _, heading, distance, *_ in rows:
         true = wall(float(heading))
         assert (float(distance) if distance else None) == (None if true is None else pytest.approx(true / 100))

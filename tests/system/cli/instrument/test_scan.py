@@ -10,6 +10,7 @@ import struct
 import subprocess
 import sys
 import threading
+from base64 import b64encode
 from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager
@@ -376,26 +377,12 @@ def recorded(log: Path) -> tuple[dict[str, list[bytes]], dict[str, tuple[str, st
 
 def test_a_viewer_receives_what_the_log_holds_whatever_others_do(tmp_path: Path) -> None:
     log = tmp_path / "scan.mcap"
-    options = (
-        "--foxglove",
-        "--tcp",
-        "127.0.0.1:0",
-        "--traces",
-        "--step",
-        "20",
-        "--pings",
-        "2",
-        "--out",
-        log,
-        "--sweeps",
-        "2",
-        *WHERE,
-    )
+    options = ("--foxglove", "--tcp", "127.0.0.1:0", "--traces", "--step", "20", "--pings", "2", "--sweeps", "2")
     watched = threading.Event()
     board = FakeBoard(PlainEchoes(), seed=2, ready=watched.is_set)
     with (
         serve(board, tcp="127.0.0.1:0", pace=2.0) as endpoint,
-        started("serve", endpoint.url, *options) as process,
+        started("serve", endpoint.url, *options, "--out", log, *WHERE) as process,
     ):
         [url] = lines(process, 1)
         with viewer(url.strip()) as (watching, channels), viewer(url.strip()) as (stalled, _):
@@ -414,15 +401,12 @@ def test_a_viewer_receives_what_the_log_holds_whatever_others_do(tmp_path: Path)
         *described, schema = kinds[topic]
         assert [channel["encoding"], channel["schemaName"], channel["schemaEncoding"]] == described
         # the schema is text in JSON, or base64
-        assert channel["schema"].rstrip("=") in (schema.decode(errors="replace"), _base64(schema).rstrip("="))
+        assert channel["schema"].rstrip("=") in (
+            schema.decode(errors="replace"),
+            b64encode(schema).decode().rstrip("="),
+        )
         assert seen[topic] == held[topic]
     check_prediction(LaserScan.FromString(seen["/prediction"][-1]), LaserScan.FromString(seen["/scan"][-1]))
-
-
-def _base64(data: bytes) -> str:
-    from base64 import b64encode
-
-    return b64encode(data).decode()
 
 
 def check_prediction(predicted: LaserScan, measured: LaserScan) -> None:

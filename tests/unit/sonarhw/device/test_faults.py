@@ -36,7 +36,6 @@ from tests.fixtures.faulty_boards import faulty
 from tests.fixtures.plain_echoes import echo_time
 
 DOCUMENT = (CHECKOUT / "docs" / "devices" / "faults.md").read_text(encoding="utf-8")
-MICROSTEP = math.tau / 3200
 SECTOR = StartScan(start=10_000_000, step=2_500_000, headings=40, sweeps=2, pings=1)
 
 
@@ -162,31 +161,6 @@ def test_homing_a_jammed_turntable_is_an_error_until_it_is_released() -> None:
     assert "zero mark was not found" in finished.text
     talk.until(lambda _: talk.clock() > 4)
     assert talk.act(Home())[2].outcome == Outcome.DONE
-
-
-def first_echoes(talk: Talk, start: int, count: int) -> list[float]:
-    """Scan in steps of 2°; return the first echo of each reading, s."""
-    return [one.echoes[0] * 1e-9 for one in readings(talk.act(StartScan(start * 1_000_000, 2_000_000, count, 1, 1))[1])]
-
-
-def test_missed_steps_change_the_echoes_until_the_board_is_homed() -> None:
-    talk = talk_to("slip=100@r5")
-    angles = np.radians(np.arange(20, 40, 2))
-    true = [echo_time(angle) for angle in angles]
-    slipped = [echo_time(angle - 100 * MICROSTEP) for angle in angles]
-    found = first_echoes(talk, 20, 10)
-    assert found[:5] + found[6:] == pytest.approx(true[:5] + slipped[6:], abs=2e-9)
-    talk.act(Home())
-    assert first_echoes(talk, 20, 10) == pytest.approx(true, abs=2e-9)
-
-
-def test_a_released_turntable_has_missed_the_steps_of_the_jam() -> None:
-    talk = talk_to("wedge=0.5@r1")
-    talk.act(Turn(90_000_000))
-    first_echoes(talk, 90, 1)
-    talk.act(Turn(120_000_000))  # takes 0.17 s, all of it while jammed
-    talk.quiet(1.0)
-    assert first_echoes(talk, 120, 1) == pytest.approx([echo_time(math.radians(90))], abs=1e-8)
 
 
 @pytest.mark.parametrize("fault", ["slip=100@r5", "slip=-3@r5", "wedge=0.2@r5", "wedge@r5"])

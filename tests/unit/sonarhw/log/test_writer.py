@@ -529,11 +529,3 @@ def test_a_log_that_cannot_be_started_leaves_no_file(tmp_path: Path, monkeypatch
     with pytest.raises(LogError, match="No space left on device; nothing is recorded"):
         LogWriter(tmp_path / "scan.mcap", METADATA)
     assert [*tmp_path.iterdir()] == []
-
-
-def test_a_nearly_full_disk_is_reported_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    lines: list[str] = []
-    Disk(monkeypatch, 20e6)
-    with LogWriter(tmp_path / "scan.mcap", METADATA, warn=lines.append) as log:
-        record_one(log, 0)
-    assert lines == [f"{tmp_path / 'scan.mcap'}: its disk is nearly full: 20.0 MB are free; delete other files"]
