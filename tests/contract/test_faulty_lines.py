@@ -93,9 +93,7 @@ def test_a_scanner_that_returns_under_another_name_is_found(kind: str, tmp_path:
 
 
 @pytest.mark.parametrize("board", [emulated, emulated_uno])
-def test_firmware_and_driver_complete_a_scan_over_a_bad_line(
-    board: Callable[[], AbstractContextManager[str]],
-) -> None:
+def test_firmware_and_driver_complete_a_scan_over_a_bad_line(board: Callable[[], AbstractContextManager[str]]) -> None:
     faults = read_faults("drop=1/2000,flip=1/2000,insert=1/2000")
     with board() as url, Link(url) as link:
         relay = Relay(link, faults)

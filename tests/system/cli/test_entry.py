@@ -285,10 +285,7 @@ sonarhw_cli.entry.main()
 """
 SLEEPING = ("time.sleep(600)", "raise")
 # the first signal is swallowed, as by some libraries
-SWALLOWING = (
-    "time.sleep(600)",
-    'os.write(1, b"swallowed\\n"); sonarhw_cli.entry.UNWINDING = 600; time.sleep(600)',
-)
+SWALLOWING = ("time.sleep(600)", 'os.write(1, b"swallowed\\n"); sonarhw_cli.entry.UNWINDING = 600; time.sleep(600)')
 HANGING_UP = ("os.kill(os.getpid(), signal.SIGHUP)", "raise")
 OLD = b"older"
 COMMANDS = {

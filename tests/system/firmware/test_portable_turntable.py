@@ -377,11 +377,7 @@ def test_a_second_home_is_fast_and_passes_zero_by_a_few_degrees(board: PortableB
     assert max(-min(travel) + min(degrees, 0), max(travel) - max(degrees, 0)) <= 35
 
 
-FAULTS = [
-    (MARK_OPEN, NO_MARK),
-    (MARK_INVERTED, WRONG_WAY),
-    (MOTOR_REVERSED, WRONG_WAY),
-]
+FAULTS = [(MARK_OPEN, NO_MARK), (MARK_INVERTED, WRONG_WAY), (MOTOR_REVERSED, WRONG_WAY)]
 
 
 @pytest.mark.parametrize("degrees", [-45, -20, 1, 20, 45])

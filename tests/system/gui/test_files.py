@@ -19,15 +19,7 @@ from PySide6.QtGui import QDragEnterEvent, QDropEvent, QImage
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QComboBox, QDialogButtonBox, QLineEdit, QMessageBox
 from sonarhw_cli.app import run
-from sonarhw_gui.jobs.files import (
-    DATA,
-    PICTURES,
-    Documents,
-    list_recordings,
-    save_file,
-    write_data,
-    write_svg,
-)
+from sonarhw_gui.jobs.files import DATA, PICTURES, Documents, list_recordings, save_file, write_data, write_svg
 from sonarhw_gui.jobs.jobs import Jobs
 from sonarhw_gui.model.edits import with_corner
 from sonarhw_gui.model.scene import Scene
@@ -259,12 +251,7 @@ def test_every_convention_of_a_table_is_chosen_with_the_keyboard(asked: Ask) -> 
     assert not dialog.import_button.isEnabled()
     step_to(fields["heading"], "b")
     until(lambda: "name the columns of both heading and range" in dialog.note.text())
-    for name, text in (
-        ("range", "c"),
-        ("time", "a"),
-        ("unit", "mm"),
-        ("turn", "clockwise"),
-    ):
+    for name, text in (("range", "c"), ("time", "a"), ("unit", "mm"), ("turn", "clockwise")):
         step_to(fields[name], text)
     enter(dialog.zero, "90")
     QTest.keyClicks(fields["no_echo"], "x")

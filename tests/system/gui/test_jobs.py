@@ -16,11 +16,7 @@ import pytest
 from PySide6.QtCore import QObject
 from pytestqt.exceptions import capture_exceptions
 from sonarhw_compare.match import compare_readings
-from sonarhw_gui.jobs.forecast import (
-    LATE,
-    REST,
-    Forecast,
-)
+from sonarhw_gui.jobs.forecast import LATE, REST, Forecast
 from sonarhw_gui.jobs.jobs import BackgroundJob, Jobs
 from sonarhw_gui.jobs.traces import BScanSettings, Pane
 from sonarhw_gui.model.scene import Scene

@@ -19,14 +19,7 @@ from sonarhw_gui.model.edits import sensor_at, with_air_state, with_corner, with
 from sonarhw_gui.model.look import DARK, LengthUnit, Look
 from sonarhw_gui.model.rows import Column
 from sonarhw_gui.model.scene import Scene, SceneMemory
-from sonarhw_gui.session.kept import (
-    Memory,
-    UnsavedRooms,
-    read_memory,
-    read_unsaved,
-    write_memory,
-    write_unsaved,
-)
+from sonarhw_gui.session.kept import Memory, UnsavedRooms, read_memory, read_unsaved, write_memory, write_unsaved
 from sonarhw_gui.session.notices import Notices
 from sonarhw_gui.session.scanner import ScannerTarget, ScanSettings
 from sonarhw_gui.session.session import WindowSession

@@ -146,9 +146,7 @@ def settled_memory(window: MainWindow, log: Path) -> int:
     session.causes.cancel()
     session.finding.cancel()
     until(
-        lambda: (
-            not session.live.running and not session.jobs.busy("save files") and not session.jobs.busy("open files")
-        ),
+        lambda: not session.live.running and not session.jobs.busy("save files") and not session.jobs.busy("open files")
     )
     while session.scans.scans:
         session.scans.remove(0)

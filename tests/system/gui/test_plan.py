@@ -173,9 +173,7 @@ def test_dragging_the_beam_turns_the_sensor_and_all_readings(measured: Plan) -> 
         assert around == {palette.ink.lower()}
 
 
-def test_the_sensor_follows_a_drag_that_arrives_at_once_to_the_edge_of_the_plan_and_out_of_the_room(
-    plan: Plan,
-) -> None:
+def test_the_sensor_follows_a_drag_that_arrives_at_once_to_the_edge_of_the_plan_and_out_of_the_room(plan: Plan) -> None:
     start, end = (pixel_at(plan.view, plan.box, at) for at in (plan.sensor, (0.5, 0.2)))
     viewport = plan.view.viewport()
     for pixel in (start - QPoint(30, 0), start):  # moves without a pause, as after a stall

@@ -292,7 +292,7 @@ def show_large_views(window: MainWindow, album: Album) -> None:
     until(
         lambda: (
             window.session.shown.bscan.settings == window.views.bscan.settings and not window.views.bscan.note.text()
-        ),
+        )
     )
     pause(200)
     album.keep(window, "bscan-polar")

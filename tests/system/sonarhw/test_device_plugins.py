@@ -236,12 +236,7 @@ def test_after_a_full_disk_a_scanner_is_free_again(
 
 
 @pytest.mark.parametrize(
-    ("where", "message"),
-    [
-        ("open", "KeyError: 'port'"),
-        ("read", "ZeroDivisionError: "),
-        ("exit", "SystemExit: 3"),
-    ],
+    ("where", "message"), [("open", "KeyError: 'port'"), ("read", "ZeroDivisionError: "), ("exit", "SystemExit: 3")]
 )
 def test_a_defect_of_a_plugin_is_one_line(where: str, message: str) -> None:
     origin = f"{__name__}:Defective"

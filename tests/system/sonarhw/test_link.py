@@ -237,12 +237,7 @@ def opened(monkeypatch: pytest.MonkeyPatch, port: Failing, url: str = PORT) -> L
         (SerialException(LOCKED), PORT, LinkBusy, "holds the port"),
         (SerialException(errno.EACCES, "could not open port"), PORT, LinkForbidden, "no permission to open this port"),
         (SerialException(NO_ACCESS), "COM3", LinkForbidden, "no permission to open this port"),
-        (
-            SerialException(errno.ENOENT, "could not open port"),
-            PORT,
-            LinkError,
-            "no such port; `sonarhw ports`",
-        ),
+        (SerialException(errno.ENOENT, "could not open port"), PORT, LinkError, "no such port; `sonarhw ports`"),
         (SerialException(NO_FILE), "COM9", LinkError, "there is no such port"),
         (SerialException(errno.ENOENT, ""), "my-pc.lan:7000", LinkError, r"did you mean socket://my-pc.lan:7000\?$"),
         (SerialException(errno.ENOENT, ""), "my-pc.lan:", LinkError, "lists the existing ones$"),

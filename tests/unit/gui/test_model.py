@@ -11,13 +11,7 @@ from sonarhw_compare.fit import PlacedScan
 from sonarhw_compare.locate import PoseSpread
 from sonarhw_compare.rooms.evidence import FINE, evidence_of
 from sonarhw_gui.jobs.searches import loaded_scans
-from sonarhw_gui.model.edits import (
-    Grip,
-    GripPart,
-    dragged,
-    sensor_at,
-    sensor_turned,
-)
+from sonarhw_gui.model.edits import Grip, GripPart, dragged, sensor_at, sensor_turned
 from sonarhw_gui.model.look import LengthUnit
 from sonarhw_gui.model.scene import Scene, scene_of_log
 from sonarhw_gui.model.shown import Shown, overlaid

@@ -220,13 +220,7 @@ def test_a_jammed_table_and_a_plate_elsewhere_fail_on_the_emulated_board() -> No
     [
         ("uno-hc-sr04-servo", WiringFault(0), [], "", ["BLNK", "noise"]),
         ("uno-hc-sr04-28byj", WiringFault(0), [], "", ["BLNK", "noise", "zero"]),
-        (
-            "uno-hc-sr04-servo",
-            WiringFault.MOTOR_REVERSED,
-            ["direction", "plate"],
-            "--invert motor",
-            ["BLNK", "noise"],
-        ),
+        ("uno-hc-sr04-servo", WiringFault.MOTOR_REVERSED, ["direction", "plate"], "--invert motor", ["BLNK", "noise"]),
         (
             "uno-hc-sr04-28byj",
             WiringFault.MOTOR_OPEN,

@@ -130,11 +130,7 @@ def test_anything_but_a_plate_at_the_stated_distance_is_refused(
 
 @pytest.mark.parametrize(
     ("distance", "direction"),
-    [
-        (1.0, 180),
-        pytest.param(1.5, 0, marks=pytest.mark.soak),
-        pytest.param(1.0, 270, marks=pytest.mark.soak),
-    ],
+    [(1.0, 180), pytest.param(1.5, 0, marks=pytest.mark.soak), pytest.param(1.0, 270, marks=pytest.mark.soak)],
 )
 def test_clutter_of_a_laboratory_is_no_plate(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], distance: float, direction: int

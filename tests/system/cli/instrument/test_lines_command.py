@@ -47,9 +47,7 @@ def test_a_scan_records_and_prints_a_sweep_and_reports_what_it_ignored(
         assert (float(distance) if distance else None) == (None if true is None else pytest.approx(true / 100))
 
 
-def test_the_plain_port_of_a_device_that_prints_text_says_how_to_find_its_url(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_plain_port_of_a_device_that_prints_text_says_how_to_find_its_url(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scanner, "time", ReceivedClock(monkeypatch, 100))
     with (
         PrintingDevice(RADAR.rounds()) as device,

@@ -10,14 +10,7 @@ import numpy as np
 import pytest
 
 from sonarhw.device.fake_board import BoardIdentity
-from sonarhw.errors import (
-    CommandRefused,
-    DeviceError,
-    LinkLost,
-    LogError,
-    NoAnswer,
-    WrongDevice,
-)
+from sonarhw.errors import CommandRefused, DeviceError, LinkLost, LogError, NoAnswer, WrongDevice
 from sonarhw.host.driver import ASK_AGAIN, NO_MESSAGE, SIGN_OF_LIFE, SILENCE
 from sonarhw.host.scripts import (
     MOVE_WITHIN,

@@ -156,9 +156,7 @@ def test_the_index_and_the_frames_of_a_healthy_file_give_the_same_scans(
         assert (reading.trace.rate, reading.trace.start) == pytest.approx((wanted.rate, wanted.start))
 
 
-def test_a_late_reading_of_the_previous_scan_is_left_out_of_the_next_scan(
-    tmp_path: Path,
-) -> None:
+def test_a_late_reading_of_the_previous_scan_is_left_out_of_the_next_scan(tmp_path: Path) -> None:
     first = [(False, frame_of(REQUEST, 7)), (True, frame_of(Started(7, 2), time=1.0)), (True, reading_frame(0, 1.0))]
     finished = (True, frame_of(Finished(7, 1, 1, ""), time=1.5))
     again = [(False, frame_of(REQUEST, 8)), (True, frame_of(Started(8, 2), time=2.0))]

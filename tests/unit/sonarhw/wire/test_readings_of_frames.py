@@ -22,13 +22,7 @@ from sonarhw.wire.messages import (
     TraceChunk,
     TraceKind,
 )
-from sonarhw.wire.readings_of_frames import (
-    MOST_DRIFT,
-    DeviceClock,
-    ReadingArrivals,
-    ReadingAssembler,
-    trace_chunks,
-)
+from sonarhw.wire.readings_of_frames import MOST_DRIFT, DeviceClock, ReadingArrivals, ReadingAssembler, trace_chunks
 
 EPOCH = 1_700_000_000.0
 
