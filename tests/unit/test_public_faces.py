@@ -35,6 +35,7 @@ def test_every_public_name_is_in_the_docstring_and_in_the_help_without_the_extra
 ) -> None:
     assert all(f"`{name}`" in sonarhw.__doc__ for name in sonarhw.__all__)
     assert sonarhw.PluginScanner is sonarhw.Scanner  # deprecated
+    assert not hasattr(sonarhw, "Sonar")
     # pydoc gets every name; a name that raises anything but AttributeError would end it
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     assert "run_study" in pydoc.render_doc(sonarhw)

@@ -15,16 +15,21 @@ class Ramp(ctypes.Structure):
     _fields_ = [(name, ctypes.c_uint16) for name in ("left", "index", "top", "first")]
 
 
+def ramp_of(built: Path, steps: int, acceleration: int, speed: int) -> tuple[ctypes.CDLL, Ramp]:
+    """Return the library, and a movement from rest."""
+    library = ctypes.CDLL(str(built / "libsonar.so"))
+    library.ramp_of.restype, library.ramp_next.restype = Ramp, ctypes.c_uint16
+    return library, library.ramp_of(ctypes.c_uint16(steps), ctypes.c_uint32(acceleration), ctypes.c_uint16(speed))
+
+
+def ticks_of(library: ctypes.CDLL, ramp: Ramp) -> list[int]:
+    """Return the ticks of each step that is left of a movement."""
+    return [*iter(lambda: library.ramp_next(ctypes.byref(ramp)), 0)]
+
+
 def step_times(built: Path, steps: int, acceleration: int, speed: int) -> np.ndarray:
     """Return the duration of each step of a movement, s."""
-    library = ctypes.CDLL(str(built / "libsonar.so"))
-    library.ramp_of.restype = Ramp
-    library.ramp_next.restype = ctypes.c_uint16
-    ramp = library.ramp_of(ctypes.c_uint16(steps), ctypes.c_uint32(acceleration), ctypes.c_uint16(speed))
-    durations = []
-    while ticks := library.ramp_next(ctypes.byref(ramp)):
-        durations.append(ticks * TICK)
-    return np.array(durations)
+    return np.array(ticks_of(*ramp_of(built, steps, acceleration, speed))) * TICK
 
 
 @pytest.mark.parametrize("acceleration", [2_000, 36_000, 80_000])
@@ -52,14 +57,9 @@ def test_a_very_slow_movement_has_constant_speed(built: Path) -> None:
 
 
 def test_a_halt_needs_as_many_steps_as_the_acceleration(built: Path) -> None:
-    library = ctypes.CDLL(str(built / "libsonar.so"))
-    library.ramp_of.restype = Ramp
-    library.ramp_next.restype = ctypes.c_uint16
-    ramp = library.ramp_of(ctypes.c_uint16(5_000), ctypes.c_uint32(80_000), ctypes.c_uint16(3_600))
+    library, ramp = ramp_of(built, 5_000, 80_000, 3_600)
     up = [library.ramp_next(ctypes.byref(ramp)) for _ in range(60)]
     library.ramp_halt(ctypes.byref(ramp))
-    down = []
-    while ticks := library.ramp_next(ctypes.byref(ramp)):
-        down.append(ticks)
+    down = ticks_of(library, ramp)
     assert down[1:] == up[::-1][: len(down) - 1]
     assert len(down) == 61

@@ -1,7 +1,7 @@
 """Fixtures for tests of real windows: a fake scanner on a loopback socket, a recorded log, windows without leaks."""
 
 import gc
-import sys
+import re
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
@@ -13,15 +13,7 @@ import pytest
 from PySide6.QtCore import QCoreApplication, QEvent
 from sonarhw_gui.jobs.jobs import Jobs
 from sonarhw_gui.model.scene import Scene
-from sonarhw_gui.session.scanner import (
-    Phase,
-    ScannerFinder,
-    ScannerOpener,
-    ScannerTarget,
-    ScannerThread,
-    ScanSettings,
-    scan_and_record,
-)
+from sonarhw_gui.session.scanner import ScannerFinder, ScannerOpener, ScannerTarget, ScanSettings
 from sonarhw_gui.session.session import WindowSession
 from sonarhw_gui.window.start import WindowStart, open_application, open_window
 from sonarhw_gui.window.window import MainWindow
@@ -32,6 +24,8 @@ from sonarhw.device.served import Pace, serve
 from sonarhw.host.scanner import Scanner
 from sonarhw.log import Log, read_log
 from sonarhw.readings import ScanOrder
+from tests.fixtures.leaks import working_threads
+from tests.fixtures.window_scan import recorded_scan
 from tests.hang_guard import HANG
 from tests.system.gui.driving import activate, predicted, until
 
@@ -39,6 +33,8 @@ OpenFake = Callable[[Pace], ScannerOpener]
 OpenWith = Callable[..., MainWindow]
 OpenSession = Callable[..., WindowSession]
 ORDER = ScanOrder(start=0.0, step=radians(10), headings=36)
+# of the threads that a window must end; the far end of a line, `sonarhw.device`, belongs to the fixture that serves it
+NEAR = re.compile(r"sonarhw(?!\.device\.)")
 ENDLESS = replace(ORDER, sweeps=1000)  # every test stops it early
 
 
@@ -80,7 +76,7 @@ def open_with(qapp: object, scene: Scene, tmp_path: Path) -> Iterator[OpenWith]:
 
 @contextmanager
 def opening(scene: Scene, recordings: Path) -> Iterator[OpenWith]:
-    before = working_threads()
+    before = working_threads(NEAR)
     windows: list[MainWindow] = []
 
     def open_it(**start: object) -> MainWindow:
@@ -116,7 +112,7 @@ def window(open_with: OpenWith, recorded: Path) -> MainWindow:
 @pytest.fixture
 def open_session(qapp: object, scene: Scene, tmp_path: Path) -> Iterator[OpenSession]:
     """Return a function that begins the session of a window, without the window."""
-    before, here, folder = working_threads(), scene, tmp_path / "recordings"
+    before, here, folder = working_threads(NEAR), scene, tmp_path / "recordings"
     sessions: list[WindowSession] = []
 
     def open_it(
@@ -154,39 +150,14 @@ def jobs(qapp: object) -> Iterator[Jobs]:
 
 
 def assert_no_thread_is_left(before: Mapping[threading.Thread, str]) -> None:
-    for thread in working_threads().keys() - before.keys():
+    for thread in working_threads(NEAR).keys() - before.keys():
         thread.join(HANG)  # on a busy machine, a window does not wait for all of them
     QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete)
-    assert not {thread.name: module for thread, module in working_threads().items() if thread not in before}
-
-
-def working_threads() -> dict[threading.Thread, str]:
-    """Return the threads that run code of the window or of the near end of a line, each with its outermost module.
-
-    The far end, `sonarhw.device`, belongs to the fixture that serves it.
-    """
-    frames, working = sys._current_frames(), {}
-    for thread in threading.enumerate():
-        frame, modules = frames.get(thread.ident), []
-        while frame is not None:
-            modules.append(frame.f_globals.get("__name__", ""))
-            frame = frame.f_back
-        ours = [name for name in modules if name.partition(".")[0].startswith("sonarhw")]
-        if ours and thread is not threading.current_thread() and not ours[-1].startswith("sonarhw.device."):
-            working[thread] = ours[-1]
-    return working
+    assert not {thread.name: module for thread, module in working_threads(NEAR).items() if thread not in before}
 
 
 @pytest.fixture(scope="session")
 def recorded(scene: Scene, echoes: RoomEchoes, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Record a log of a complete scan with traces."""
     settings = ScanSettings(tmp_path_factory.mktemp("recorded"), ORDER)
-    with serve(FakeBoard(echoes, 1, scene.board.blanking), tcp="127.0.0.1:0", pace="max") as endpoint:
-        live = ScannerThread(
-            lambda: Scanner.open(endpoint.url), Phase.HOMING, scan_and_record(scene, settings), lambda: None
-        )
-        live.start()
-        live.disconnect()
-        live.join()
-    assert live.state.error is None
-    return live.state.recording
+    return recorded_scan(FakeBoard(echoes, 1, scene.board.blanking), scene, settings)

@@ -35,8 +35,9 @@ from sonarhw.errors import InputError, NotALog
 from sonarhw.log import read_log
 from sonarhw.readings import FloatArray, Reading, Trace
 from tests.conftest import Count
+from tests.fixtures.leaks import working_threads
 from tests.hang_guard import HANG
-from tests.system.gui.conftest import ORDER, working_threads
+from tests.system.gui.conftest import NEAR, ORDER
 from tests.system.gui.driving import pause, push, until
 
 # jobs
@@ -131,7 +132,7 @@ def test_progress_is_passed_on_until_the_job_is_cancelled(jobs: Jobs) -> None:
 
 
 def test_a_job_that_never_ends_does_not_hold_the_window_and_a_file_is_saved(jobs: Jobs) -> None:
-    held, slow, saved, before = Held(), Held(), [], working_threads()
+    held, slow, saved, before = Held(), Held(), [], working_threads(NEAR)
     jobs.run("search", held)
     jobs.run("save", lambda: saved.append(slow()), at_close=True)
     assert held.begun.wait(HANG)
@@ -139,21 +140,23 @@ def test_a_job_that_never_ends_does_not_hold_the_window_and_a_file_is_saved(jobs
     jobs.close(until=time.monotonic() + 0.1)
     assert saved == ["held"]
     held.gate.set()
-    until(lambda: working_threads().keys() <= before.keys())  # reports nothing: its window is closed
+    until(lambda: working_threads(NEAR).keys() <= before.keys())  # reports nothing: its window is closed
 
 
 def test_closing_does_what_must_be_done_drops_the_rest_and_ends_the_threads(jobs: Jobs) -> None:
-    held, done, before = Held(), [], working_threads()
+    held, done, before = Held(), [], working_threads(NEAR)
     jobs.run("held", held, lane="files")
     assert held.begun.wait(HANG)
-    assert [module for thread, module in working_threads().items() if thread not in before] == ["sonarhw_gui.jobs.jobs"]
+    assert [module for thread, module in working_threads(NEAR).items() if thread not in before] == [
+        "sonarhw_gui.jobs.jobs"
+    ]
     jobs.run("read", done.append, "read", lane="files")
     jobs.run("save", done.append, "saved", lane="files", at_close=True)
     threading.Timer(0.05, held.gate.set).start()
     jobs.close()
     jobs.run("late", done.append, "late")
     assert done == ["saved"]
-    assert working_threads().keys() <= before.keys()
+    assert working_threads(NEAR).keys() <= before.keys()
 
 
 # predictions

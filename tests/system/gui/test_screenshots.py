@@ -19,7 +19,7 @@ from PySide6.QtWidgets import QWidget
 from sonarhw_cli.app import run
 from sonarhw_gui.model.look import DARK, LIGHT, Palette
 from sonarhw_gui.model.scene import Scene, scene_of_log
-from sonarhw_gui.session.scanner import Phase, ScannerTarget, ScannerThread, ScanSettings, scan_and_record
+from sonarhw_gui.session.scanner import ScannerTarget, ScanSettings
 from sonarhw_gui.window.window import MainWindow
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.room_echoes import RoomEchoes
@@ -32,6 +32,7 @@ from sonarhw.host.scanner import Scanner
 from sonarhw.link import Port, Usb
 from sonarhw.log import read_log
 from sonarhw.readings import ScanOrder
+from tests.fixtures.window_scan import recorded_scan
 from tests.fixtures.window_scene import ROOM
 from tests.system.gui.conftest import OpenWith
 from tests.system.gui.driving import click, dialog_of, drawn, ended, pause, predicted, until
@@ -123,14 +124,7 @@ def fake(echoes: RoomEchoes, scene: Scene) -> FakeBoard:
 def scan(bench: Scene, echoes: RoomEchoes, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Record a log of one full turn with traces."""
     settings = ScanSettings(tmp_path_factory.mktemp("scans"), replace(ORDER, sweeps=1))
-    with serve(fake(echoes, bench), tcp="127.0.0.1:0", pace="max") as endpoint:
-        live = ScannerThread(
-            lambda: Scanner.open(endpoint.url), Phase.HOMING, scan_and_record(bench, settings), lambda: None
-        )
-        live.start()
-        live.disconnect()
-        live.join()
-    return live.state.recording
+    return recorded_scan(fake(echoes, bench), bench, settings)
 
 
 def with_look(window: MainWindow, look: tuple[Palette, tuple[int, int]]) -> MainWindow:

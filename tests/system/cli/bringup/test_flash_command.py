@@ -52,30 +52,31 @@ def test_the_prebuilt_images_are_fresh_builds_of_every_combination() -> None:
         assert bytes_of(FOLDER / f"{name}.hex") == bytes_of(fresh), "run: make -C firmware images"
 
 
-def test_a_recognised_board_is_written_verified_and_greeted() -> None:
-    with bootloader_board(OLD) as board:
-        done = sonarhw("flash", board.port)
-        assert (done.returncode, done.stdout) == (0, f"{board.port}: sonarhw-mega 0.1.0, protocol 1.2, SONAR-000005\n")
-        image = bytes_of(IMAGE)
-        assert bytes(board.flash[: len(image)]) == image
+CHEAP = ("hc-sr04", "servo")
+CHOSEN = ("--ranging", "hc-sr04", "--turning", "servo")
 
 
-@pytest.mark.parametrize("controller", [[], ["--controller", "nano"]])
-def test_an_uno_gets_the_image_for_its_ranging_board_and_turntable(controller: list[str]) -> None:
-    with bootloader_board(OLD_UNO, chip="atmega328p", parts=("hc-sr04", "servo")) as board:
-        done = sonarhw("flash", board.port, *controller, "--ranging", "hc-sr04", "--turning", "servo")
-        assert (done.returncode, done.stdout) == (0, f"{board.port}: sonarhw-uno 0.1.0, protocol 1.2, SONAR-000005\n")
-        image = bytes_of(FOLDER / "uno-hc-sr04-servo.hex")
-        assert bytes(board.flash[: len(image)]) == image
-
-
-def test_without_options_a_board_keeps_the_parts_that_it_is_built_for() -> None:
-    built_for = ("hc-sr04", "servo")
-    with bootloader_board(OLD_UNO, chip="atmega328p", parts=built_for, before=built_for) as board:
-        done = sonarhw("flash", board.port)
-        assert done.returncode == 0, done.stderr
-        image = bytes_of(FOLDER / "uno-hc-sr04-servo.hex")
-        assert bytes(board.flash[: len(image)]) == image
+@pytest.mark.parametrize(
+    ("firmware", "board", "options", "image"),
+    [
+        (OLD, {}, (), "mega-polaroid-step-dir"),
+        (OLD_UNO, {"chip": "atmega328p", "parts": CHEAP}, CHOSEN, "uno-hc-sr04-servo"),
+        (OLD_UNO, {"chip": "atmega328p", "parts": CHEAP}, ("--controller", "nano", *CHOSEN), "uno-hc-sr04-servo"),
+        # without options a board keeps the parts that it is built for
+        (OLD_UNO, {"chip": "atmega328p", "parts": CHEAP, "before": CHEAP}, (), "uno-hc-sr04-servo"),
+        ("", {}, ("--force", "--controller", "mega"), "mega-polaroid-step-dir"),
+    ],
+    ids=["mega", "uno", "nano", "as before", "silent"],
+)
+def test_a_board_is_written_verified_and_greeted(
+    firmware: str, board: dict[str, object], options: tuple[str, ...], image: str
+) -> None:
+    with bootloader_board(firmware, **board) as served:
+        done = sonarhw("flash", served.port, *options)
+        written = bytes_of(FOLDER / f"{image}.hex")
+        assert bytes(served.flash[: len(written)]) == written
+    greeted = f"sonarhw-{image.partition('-')[0]} 0.1.0, protocol 1.2, SONAR-000005"
+    assert (done.returncode, done.stdout) == (0, f"{served.port}: {greeted}\n")
 
 
 @pytest.mark.parametrize(
@@ -107,13 +108,6 @@ def test_a_board_that_answers_for_another_ranging_board_or_turntable_is_an_error
     assert done.returncode == 1
     assert f"'sonarhw-uno 0.1.0' for '{profile}' and '{turning}' answers; " in done.stderr
     assert "expected sonarhw-uno for hc-sr04 and servo; flash it again" in done.stderr
-
-
-def test_force_flashes_a_board_that_does_not_answer() -> None:
-    with bootloader_board("") as board:
-        done = sonarhw("flash", board.port, "--force", "--controller", "mega")
-        assert done.returncode == 0, done.stderr
-        assert board.flashed
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,7 @@ from foxglove_schemas_protobuf.LaserScan_pb2 import LaserScan
 from mcap.reader import make_reader
 from sonarhw_cli.app import run
 from sonarhw_gui.model.scene import scene_with
-from sonarhw_gui.session.scanner import WHOLE_TURN, Phase, ScannerThread, ScanSettings, scan_and_record
+from sonarhw_gui.session.scanner import WHOLE_TURN, ScanSettings
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.room import load_room
 from websockets.exceptions import ConnectionClosed
@@ -36,7 +36,6 @@ from sonarhw.device.fake_board import FakeBoard
 from sonarhw.device.served import serve
 from sonarhw.export import HEADER
 from sonarhw.foxglove import FoxgloveServer
-from sonarhw.host.scanner import Scanner
 from sonarhw.log import read_log
 from sonarhw.readings import Ping, PingResult, Reading, Trace
 from sonarhw.sound_speed import speed_of_sound
@@ -46,6 +45,7 @@ from tests.fixtures.commands import SIMPLE_ROOM, end, lines, printed, sonarhw, s
 from tests.fixtures.faulty_boards import faulty
 from tests.fixtures.plain_echoes import PlainEchoes, echo_time
 from tests.fixtures.stuck_boards import EndlessHoming
+from tests.fixtures.window_scan import recorded_scan
 from tests.hang_guard import HANG, wait_until
 
 ENDLESS = ("--sweeps", "1000")  # tests interrupt it before it is complete
@@ -245,18 +245,8 @@ def scanned_by_window(folder: Path, thermometer: float | None, room_file: Path |
     board = load_board("polaroid-6500")
     room = load_room(room_file) if room_file else None
     scene = scene_with(board, room, room.place("figure9")) if room else scene_with(board)
-    with serve(FakeBoard(PlainEchoes(thermometer)), tcp="127.0.0.1:0", pace="max") as endpoint:
-        live = ScannerThread(
-            lambda: Scanner.open(endpoint.url),
-            Phase.HOMING,
-            scan_and_record(scene, ScanSettings(folder, FOUR, traces=False)),
-            lambda: None,
-        )
-        live.start()
-        live.disconnect()
-        live.join()
-    assert live.state.error is None
-    return [reading.range for reading in read_log(live.state.recording).readings]
+    log = recorded_scan(FakeBoard(PlainEchoes(thermometer)), scene, ScanSettings(folder, FOUR, traces=False))
+    return [reading.range for reading in read_log(log).readings]
 
 
 @pytest.mark.parametrize(
