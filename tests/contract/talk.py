@@ -5,8 +5,10 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
+from sonarhw.device.protocol import Device
+from sonarhw.link import Link
 from sonarhw.wire.frames import DELIMITER, Frame, FrameDecoder, Rejected, encode_frame
 from sonarhw.wire.limits import PROTOCOL_MAJOR, PROTOCOL_MINOR
 from sonarhw.wire.messages import (
@@ -36,29 +38,6 @@ HELLO_PERIOD = 0.5  # s
 KEEPALIVE_PERIOD = 0.5  # s
 STEP = 0.02  # s, at most, between two looks at a device without a port
 M = TypeVar("M", bound=Message)
-
-
-class ByteLine(Protocol):
-    """A line to a scanner, such as a `Link`."""
-
-    def read(self) -> bytes:
-        """Wait a moment for bytes, and return those that have arrived."""
-
-    def write(self, data: bytes) -> None:
-        """Send bytes."""
-
-
-class Device(Protocol):
-    """What a `DirectLine` needs of a `sonarhw.device.protocol.Device`."""
-
-    def receive(self, data: bytes, now: float) -> None:
-        """Process bytes from the host."""
-
-    def next_event(self) -> float | None:
-        """Return the time when `advance` is next needed, s."""
-
-    def advance(self, now: float) -> bytes:
-        """Do the work due by `now`, and return the bytes sent since the last call."""
 
 
 class DirectLine:
@@ -94,7 +73,7 @@ class ReceivedFrame:
 class Talk:
     """A conversation that keeps everything it receives."""
 
-    def __init__(self, line: ByteLine, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, line: "Link | DirectLine", clock: Callable[[], float] = time.monotonic) -> None:
         self.clock = clock
         self.received: list[ReceivedFrame] = []
         self.rejected: list[Rejected] = []

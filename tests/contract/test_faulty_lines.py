@@ -17,7 +17,7 @@ from sonarhw.readings import ScanOrder
 from tests.contract.relay import Relay
 from tests.contract.scanners import emulated, emulated_uno, ser2net
 from tests.fixtures.faulty_boards import faulty
-from tests.fixtures.plain_echoes import echo_time
+from tests.fixtures.plain_echoes import assert_scanned
 from tests.hang_guard import wait_until
 
 ORDER = ScanOrder(start=0.0, step=math.radians(5), headings=20, sweeps=2)
@@ -48,16 +48,6 @@ def served(kind: str, device: FaultyDevice, folder: Path) -> Iterator[tuple[str,
             yield endpoint.url, endpoint
 
 
-def assert_scanned(scanner: Scanner) -> None:
-    """Assert that a scan is complete and correct."""
-    readings = list(scanner.scan(ORDER))
-    assert sorted(reading.number for reading in readings) == list(range(40))
-    for reading in readings:
-        _, angle, _ = ORDER.ping_at(reading.number)
-        assert reading.angle == pytest.approx(angle, abs=1e-8)
-        assert reading.echo_times[0] == pytest.approx(echo_time(angle), abs=2e-9)
-
-
 CASES = [("tcp", faults) for faults in FAULTS]
 # reconnecting through ser2net is slow
 CASES += [(kind, faults) for kind in ("pty", "ser2net") for faults in (FAULTS[0], FAULTS[-1])]
@@ -66,7 +56,7 @@ CASES += [(kind, faults) for kind in ("pty", "ser2net") for faults in (FAULTS[0]
 @pytest.mark.parametrize(("kind", "faults"), CASES)
 def test_a_scan_completes_over_every_line_under_every_fault(kind: str, faults: str, tmp_path: Path) -> None:
     with served(kind, faulty(faults), tmp_path) as (url, _), Scanner.open(url) as scanner:
-        assert_scanned(scanner)
+        assert_scanned(list(scanner.scan(ORDER)), ORDER)
 
 
 def test_bytes_waiting_in_ser2net_are_read_together() -> None:
@@ -87,7 +77,7 @@ def test_a_scanner_that_returns_under_another_name_is_found(kind: str, tmp_path:
         served(kind, faulty("move=5@r5"), tmp_path) as (url, endpoint),
         Scanner.open(url, find=lambda: endpoint.url) as scanner,
     ):
-        assert_scanned(scanner)
+        assert_scanned(list(scanner.scan(ORDER)), ORDER)
         assert endpoint.url != url
         assert scanner.statistics.losses >= 1
 
@@ -103,8 +93,4 @@ def test_firmware_and_driver_complete_a_scan_over_a_bad_line(board: Callable[[],
                 assert scanner.statistics.rejected_blocks > 0
         finally:
             relay.end()
-    assert sorted(reading.number for reading in readings) == list(range(40))
-    for reading in readings:
-        _, angle, _ = ORDER.ping_at(reading.number)
-        assert reading.angle == pytest.approx(angle, abs=MICROSTEP)
-        assert reading.echo_times[0] == pytest.approx(echo_time(reading.angle), abs=TICKS)
+    assert_scanned(readings, ORDER, angle=MICROSTEP, echoes=1, echo=TICKS)

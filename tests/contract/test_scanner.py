@@ -3,6 +3,7 @@
 import math
 import threading
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -10,10 +11,11 @@ import pytest
 from sonarhw.host.scanner import Scanner
 from sonarhw.link import Link
 from sonarhw.log import LogWriter, read_log
-from sonarhw.readings import Reading, ScanOrder, pings_in_place, sector
+from sonarhw.readings import ScanOrder, pings_in_place, sector
 from sonarhw.wire.messages import Outcome, StartScan
 from tests.contract.talk import Talk
 from tests.fixtures.example_logs import METADATA
+from tests.fixtures.plain_echoes import assert_scanned
 
 ORDER = ScanOrder(start=0.0, step=math.radians(2), headings=8, sweeps=2)
 LONG = ScanOrder(start=0.0, step=math.radians(1), headings=90, sweeps=400)  # always stopped early
@@ -21,13 +23,8 @@ MICROSTEP = math.radians(0.2)
 WIRE = StartScan(start=0, step=1_000_000, headings=90, sweeps=4, pings=1)
 
 
-def assert_complete(readings: list[Reading], order: ScanOrder) -> None:
-    """Assert that every reading of the scan is present once, at its angle."""
-    assert sorted(reading.number for reading in readings) == list(range(order.readings))
-    for reading in readings:
-        sweep, angle, ping = order.ping_at(reading.number)
-        assert (reading.sweep, reading.ping) == (sweep, ping)
-        assert reading.angle == pytest.approx(angle, abs=MICROSTEP)
+# other echo sources have other echoes
+assert_complete = partial(assert_scanned, angle=MICROSTEP, echoes=0)
 
 
 def test_a_scan_gives_every_reading_once_in_time_order(free_url: str, tmp_path: Path) -> None:

@@ -1,6 +1,5 @@
 """Turntable of the portable part: homing with two switches and with one, approach, cable limits and lost steps."""
 
-import itertools
 import random
 
 import pytest
@@ -196,12 +195,14 @@ def test_a_change_of_the_wiring_makes_the_zero_unknown_and_the_next_home_crawl(b
     assert 99 - board.c.host_position() / A_DEGREE == pytest.approx(45, abs=2)
 
 
-def test_repeated_jogs_wind_the_cable_no_further_than_a_home(board: PortableBoard) -> None:
+@pytest.mark.parametrize(("wiring", "most"), [(0, 750), (Wiring.ONE_SWITCH, 360)], ids=["two switches", "one switch"])
+def test_repeated_jogs_wind_the_cable_no_further_than_a_home(board: PortableBoard, wiring: int, most: int) -> None:
     put(board)
+    board.ask(ConfigureWiring(wiring, wiring))
     jogs = 0
     while not any(isinstance(m, Refused) for m in board.ask(Turn(10_000_000, relative=1), 500_000)):
         jogs += 1
-    assert jogs * 10 == pytest.approx(750, abs=10)
+    assert jogs * 10 == pytest.approx(most, abs=10)
 
 
 def test_a_limit_of_homing_is_named(board: PortableBoard) -> None:
@@ -548,15 +549,6 @@ def test_after_a_zero_by_hand_a_home_is_short_also_after_a_restart(board: Portab
     assert finished.outcome == Outcome.FAULT
     assert board.angle == 2 * degrees
     assert_within(travel, 2 * degrees, 2 * degrees, MARK_WITHIN + SLOWING)
-
-
-def test_jogs_of_a_table_without_a_zero_are_limited_to_a_turn(board: PortableBoard) -> None:
-    one_switch(board, 0)
-    jogs = itertools.takewhile(
-        lambda _: not any(isinstance(m, Refused) for m in board.ask(Turn(10_000_000, relative=1), 500_000)),
-        itertools.count(),
-    )
-    assert len([*jogs]) * 10 == pytest.approx(360, abs=10)
 
 
 def test_a_change_to_one_switch_makes_the_zero_unknown(board: PortableBoard) -> None:

@@ -267,7 +267,7 @@ def test_a_scan_from_a_moved_place_warns_that_the_scanner_has_not_moved(
 # the panel of the scanner
 
 
-def test_the_panel_connects_turns_homes_scans_a_sector_and_releases_the_port(
+def test_the_panel_connects_turns_homes_scans_a_sector_once_or_until_stop_and_releases_the_port(
     open_with: OpenWith, board: FakeBoard, during: ExitStack, recorded: Path
 ) -> None:
     endpoint = during.enter_context(serve(board, tcp="127.0.0.1:0", pace="max"))
@@ -317,27 +317,16 @@ def test_the_panel_connects_turns_homes_scans_a_sector_and_releases_the_port(
         assert other.info.serial == "FAKE-0003"
     before = session.status.job.recording
     window.commands.scan.trigger()  # connects again
-    assert len(read_log(scanned(session, before)).readings) == 8
+    before = scanned(session, before)
+    assert (len(read_log(before).readings), read_log(before).metadata.source) == (8, endpoint.url)
 
-
-def test_sweeps_follow_one_another_until_stop_and_the_log_names_its_scanner(
-    open_with: OpenWith, board: FakeBoard, during: ExitStack
-) -> None:
-    endpoint = during.enter_context(serve(board, tcp="127.0.0.1:0", pace="max"))
-    window = open_with(source=lambda: Scanner.open(endpoint.url))
-    session, panel = window.session, window.device
-    key(window, "F7")
-    for field, typed in ((panel.start, "30"), (panel.end, "90"), (panel.step, "15")):
-        enter(field, typed)
-    panel.endless.click()
+    panel.endless.click()  # sweeps follow one another until Stop
     assert panel.summary.text() == "sweeps of 4 headings until Stop"
     assert not panel.sweeps.isEnabled()
     window.commands.scan.trigger()
-    until(lambda: len(session.shown.readings) > 12)
+    until(lambda: len(session.shown.readings) > 24)
     window.commands.stop.trigger()
-    log = read_log(scanned(session))
-    assert max(reading.sweep for reading in log.readings) >= 3
-    assert log.metadata.source == endpoint.url
+    assert max(reading.sweep for reading in read_log(scanned(session, before)).readings) >= 3
     panel.endless.click()
     assert panel.sweeps.isEnabled()
 

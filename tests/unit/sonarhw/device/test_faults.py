@@ -2,7 +2,6 @@
 
 import math
 import re
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,6 @@ from sonarhw.device.faults import KNOWN, Event, FaultKind, Faults, LineNoise, re
 from sonarhw.errors import DeviceError, Incompatible, InputError, LinkLost, NoAnswer, SonarError
 from sonarhw.host.scripts import homing, scanning, turning
 from sonarhw.log import LogWriter, read_log
-from sonarhw.readings import Reading
 from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
 from sonarhw.wire.messages import (
     AskStatistics,
@@ -33,7 +31,7 @@ from tests.contract.talk import DirectLine, Talk, readings
 from tests.fixtures.bench import Bench
 from tests.fixtures.example_logs import METADATA
 from tests.fixtures.faulty_boards import faulty
-from tests.fixtures.plain_echoes import echo_time
+from tests.fixtures.plain_echoes import assert_scanned
 
 DOCUMENT = (CHECKOUT / "docs" / "devices" / "faults.md").read_text(encoding="utf-8")
 SECTOR = StartScan(start=10_000_000, step=2_500_000, headings=40, sweeps=2, pings=1)
@@ -236,27 +234,13 @@ UNRECOVERABLE = {
 }
 
 
-def assert_correct(readings: Sequence[Reading]) -> None:
-    """Assert that all readings of SECTOR are there once, with angle, echoes, and the samples that arrived."""
-    assert sorted(reading.number for reading in readings) == list(range(80))
-    for reading in readings:
-        sweep, index = divmod(reading.number, 40)
-        angle = math.radians(10 + 2.5 * (39 - index if sweep else index))
-        assert (reading.sweep, reading.ping) == (sweep, 0)
-        assert reading.angle == pytest.approx(angle, abs=1e-8)
-        assert reading.echo_times == pytest.approx((echo_time(angle), 2 * echo_time(angle)), abs=2e-9)
-        samples = reading.trace.samples if reading.trace else np.full(3125, math.nan)
-        arrived = ~np.isnan(samples)
-        np.testing.assert_allclose(samples[arrived], np.linspace(0, 1, 3125)[arrived], atol=0.5 / 255 + 1e-12)
-
-
 @pytest.mark.parametrize("faults", RECOVERABLE)
 def test_recoverable_faults_lose_and_repeat_no_reading_and_the_log_contains_all(faults: str, tmp_path: Path) -> None:
     path, bench = tmp_path / "scan.mcap", Bench(faulty(faults))
     with LogWriter(path, METADATA) as log:
         bench.session.recording.use(log)
         delivered = bench.scanned(SECTOR, trace=True)
-    assert_correct(delivered)
+    assert_scanned(delivered, SECTOR)
     recorded = read_log(path)
     assert recorded.torn is None
     assert len(recorded.readings) == 80
@@ -269,7 +253,7 @@ def test_recoverable_faults_lose_and_repeat_no_reading_and_the_log_contains_all(
 
 @pytest.mark.parametrize("faults", [spec for spec in RECOVERABLE if "unplug" in spec or "move" in spec])
 def test_they_lose_and_repeat_none_also_if_the_port_stays(faults: str) -> None:
-    assert_correct(Bench(faulty(faults), vanishes=False).scanned(SECTOR))
+    assert_scanned(Bench(faulty(faults), vanishes=False).scanned(SECTOR), SECTOR)
 
 
 @pytest.mark.parametrize("faults", ["deaf=4@1.7", "stall=4@1.7", "mute=4@1.7", "reset@1.7", "unplug@1.7"])
@@ -278,7 +262,7 @@ def test_an_interrupted_turn_is_completed(faults: str) -> None:
     bench.do(homing())
     for angle in (700_000_000, 10_000_000):  # each takes 4 s
         assert bench.do(turning(Turn(angle))).result is Outcome.DONE
-    assert_correct(bench.scanned(SECTOR))
+    assert_scanned(bench.scanned(SECTOR), SECTOR)
 
 
 @pytest.mark.parametrize(("faults", "expected"), UNRECOVERABLE.items(), ids=UNRECOVERABLE.keys())

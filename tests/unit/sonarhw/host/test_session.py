@@ -42,9 +42,8 @@ from sonarhw.wire.messages import (
     Zero,
 )
 from sonarhw.wire.readings_of_frames import start_scan
-from tests.conftest import Count
-from tests.fixtures.bench import CONNECTED, TRACES, Bench, Cable, cut_every, dropping, flipping, without, without_first
-from tests.fixtures.plain_echoes import echo_time
+from tests.fixtures.bench import TRACES, Bench, Cable, cut_every, dropping, flipping, without, without_first
+from tests.fixtures.plain_echoes import assert_scanned
 
 ORDER = StartScan(start=10_000_000, step=2_500_000, headings=30, sweeps=2, pings=1)
 CABLES: dict[str, Callable[[], Cable]] = {
@@ -57,17 +56,7 @@ CABLES: dict[str, Callable[[], Cable]] = {
 
 
 def assert_complete(readings: Sequence[Reading], order: StartScan = ORDER) -> None:
-    """Assert that every reading of the scan is present once and correct."""
-    total = order.headings * order.sweeps * order.pings
-    assert sorted(reading.number for reading in readings) == list(range(total))
-    for reading in readings:
-        place = reading.number // order.pings
-        sweep, index = divmod(place, order.headings)
-        index = order.headings - 1 - index if sweep % 2 else index
-        angle = math.radians((order.start + order.step * index) / 1e6)
-        assert reading.angle == pytest.approx(angle, abs=1e-8)
-        assert (reading.sweep, reading.ping) == (sweep, reading.number % order.pings)
-        assert reading.echo_times[0] == pytest.approx(echo_time(angle), abs=2e-9)
+    assert_scanned(readings, order)
 
 
 @pytest.fixture
@@ -192,34 +181,6 @@ def test_what_does_not_arrive_is_named_after_its_time(bench: Bench, cable: Cable
 
 
 # an unplugged cable
-
-
-def test_random_unplugs_lose_no_reading_and_each_is_detected_within_a_second(count: Count) -> None:
-    chance = random.Random(1)
-    unplugs = 0
-    while unplugs < count(15, 200):
-        unplugs += unplugs_of_a_scan(Bench(seed=unplugs).connect(), chance)
-
-
-def unplugs_of_a_scan(bench: Bench, chance: random.Random) -> int:
-    """Scan and pull the cable five times; return the number of unplugs before the scan was done."""
-    scan, unplugs = bench.scan(ORDER), 0
-    for _ in range(5):
-        bench.until(lambda: scan.done or bench.session.state is Connection.STREAMING)
-        fault = chance.randrange(4)
-        duration = chance.choice((0.1, 1.0, 3.0, 9.0))
-        bench.pull(duration, port_vanishes=fault < 2, power=fault % 2 == 0, after=chance.uniform(0, 1.5))
-        bench.until(lambda: not bench.pulls)
-        if not scan.done:
-            unplugs += 1
-            pulled = bench.now
-            bench.until(lambda: bench.pulled is None or bench.session.state not in CONNECTED)
-            assert bench.now - pulled <= 1.0
-    bench.until(lambda: scan.done)
-    assert scan.result is Outcome.DONE
-    assert_complete(scan.readings)
-    assert unplugs > 0
-    return unplugs
 
 
 def test_after_a_reset_during_a_scan_settings_and_zero_are_restored(bench: Bench) -> None:

@@ -2,13 +2,14 @@
 
 import math
 import random
+from collections.abc import Iterable
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from sonarhw.plugins.device_plugin import Measurement
-from sonarhw.plugins.sweep_tracker import SweepTracker
+from sonarhw.plugins.sweep_tracker import Placed, SweepTracker
 
 UP, DOWN = [*range(15, 166)], [*range(165, 14, -1)]
 
@@ -17,11 +18,16 @@ def at(degrees: float, restarted: bool = False) -> Measurement:
     return Measurement(math.radians(degrees), (1.0,), restarted=restarted)
 
 
-def tracked(angles: list[float], sweeps: int = 100) -> list[tuple[int, int]]:
-    """Return sweep and angle of the readings of so many whole sweeps."""
+def followed(items: Iterable[Measurement], sweeps: int) -> tuple[SweepTracker, list[Placed]]:
+    """Return a tracker that was given items until so many sweeps were whole, and what it has placed."""
     tracker = SweepTracker()
     tracker.want(sweeps)
-    placed = [one for angle in angles if not tracker.done for one in tracker.add(at(angle))]
+    return tracker, [one for item in items if not tracker.done for one in tracker.add(item)]
+
+
+def tracked(angles: list[float], sweeps: int = 100) -> list[tuple[int, int]]:
+    """Return sweep and angle of the readings of so many whole sweeps."""
+    _, placed = followed(map(at, angles), sweeps)
     return [(one.sweep, round(math.degrees(one.measurement.angle))) for one in placed]
 
 
@@ -44,22 +50,15 @@ def test_a_measured_angle_may_shake() -> None:
 
 
 def test_several_pings_at_an_angle_are_numbered() -> None:
-    tracker = SweepTracker()
-    tracker.want(1)
     up = [angle for angle in range(0, 50, 5) for _ in range(3)]
-    placed = [one for angle in 3 * (up + up[::-1]) for one in tracker.add(at(angle)) if not tracker.done]
-    pings = [one.ping for one in placed if round(math.degrees(one.measurement.angle)) == 20]
-    assert pings[:3] == [0, 1, 2]
+    _, placed = followed(map(at, 3 * (up + up[::-1])), 1)
+    assert [one.ping for one in placed if round(math.degrees(one.measurement.angle)) == 20][:3] == [0, 1, 2]
 
 
 def test_an_angle_with_a_lost_digit_is_dropped() -> None:
-    angles = 3 * (UP + DOWN)
     rng = random.Random(1)
     wrong = {rng.randrange(160, 440): 9.0 for _ in range(5)}
-    spoiled = [wrong.get(k, angle) for k, angle in enumerate(angles)]
-    tracker = SweepTracker()
-    tracker.want(2)
-    placed = [one for angle in spoiled if not tracker.done for one in tracker.add(at(angle))]
+    tracker, placed = followed((at(wrong.get(k, angle)) for k, angle in enumerate(3 * (UP + DOWN))), 2)
     assert tracker.dropped == len(wrong)
     assert all(math.degrees(one.measurement.angle) > 14 for one in placed)
 
@@ -73,20 +72,15 @@ def test_a_single_angle_between_two_sectors_is_kept() -> None:
 
 
 def test_a_restart_ends_a_sweep_that_is_not_whole() -> None:
-    tracker = SweepTracker()
-    tracker.want(2)
-    before = [at(angle) for angle in UP + DOWN + UP[:60]]
-    after = [at(UP[0], restarted=True), *(at(angle) for angle in UP[1:] + DOWN + UP)]
-    placed = [one for item in before + after if not tracker.done for one in tracker.add(item)]
+    before, after = map(at, UP + DOWN + UP[:60]), map(at, UP[1:] + DOWN + UP)
+    tracker, placed = followed([*before, at(UP[0], restarted=True), *after], 2)
     assert tracker.restarts == 1
     numbers = [one.sweep for one in placed]
     assert [numbers.count(sweep) for sweep in range(3)] == [151, 60, 151]
 
 
 def test_a_loss_ends_a_sweep_that_is_not_whole() -> None:
-    tracker = SweepTracker()
-    tracker.want(2)
-    placed = [one for angle in UP + DOWN + UP[:60] for one in tracker.add(at(angle))]
+    tracker, placed = followed(map(at, UP + DOWN + UP[:60]), 2)
     tracker.gap()
     placed += [one for angle in DOWN + UP + DOWN[:9] if not tracker.done for one in tracker.add(at(angle))]
     numbers = [one.sweep for one in placed]
@@ -97,10 +91,7 @@ def test_a_loss_ends_a_sweep_that_is_not_whole() -> None:
 
 def test_a_line_of_text_after_each_sweep_is_no_restart() -> None:
     once = [*range(0, 181, 4)]
-    sweep = [at(once[0], restarted=True), *(at(angle) for angle in once[1:])]
-    tracker = SweepTracker()
-    tracker.want(3)
-    placed = [one for item in 8 * sweep if not tracker.done for one in tracker.add(item)]
+    tracker, placed = followed(8 * [at(once[0], restarted=True), *map(at, once[1:])], 3)
     assert tracker.done
     assert len(placed) <= 6 * len(once)
 
@@ -114,10 +105,8 @@ def test_a_device_that_stops_before_its_angle_turns_back_gives_what_it_has() -> 
 
 @given(st.lists(st.tuples(st.integers(-720, 720), st.booleans())), st.integers(1, 3))
 def test_any_angles_are_placed_once_and_in_order(angles: list[tuple[int, bool]], sweeps: int) -> None:
-    tracker = SweepTracker()
-    tracker.want(sweeps)
     items = [at(angle, restarted) for angle, restarted in angles]
-    placed = [one for item in items if not tracker.done for one in tracker.add(item)]
+    tracker, placed = followed(items, sweeps)
     placed += tracker.flush()
     order = [next(k for k, item in enumerate(items) if item is one.measurement) for one in placed]
     assert order == sorted(set(order))
