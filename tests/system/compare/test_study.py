@@ -202,15 +202,6 @@ def test_the_document_shows_the_example_and_names_every_column(tmp_path: Path) -
     assert [name for name in OptionValues.model_fields if f"`{name}`" not in document] == []
 
 
-def test_without_pyarrow_the_error_names_the_extra(tmp_path: Path) -> None:
-    program = "import sys; sys.modules['pyarrow'] = None; from sonarhw_cli.app import run; sys.exit(run(sys.argv[1:]))"
-    command = [sys.executable, "-c", program, "study", str(spec_of(tmp_path))]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 1
-    install = "run pip install '.[study]' in the source folder of sonarhw"
-    assert done.stderr == f"sonarhw: studies need pyarrow, which is not installed: {install}\n"
-
-
 def test_a_study_without_a_cluster_leaves_no_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -1,7 +1,6 @@
 """`sonarhw import` of ROS 1 and ROS 2 bags that rosbags writes, and of files that are none."""
 
 import math
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -195,12 +194,3 @@ def test_options_that_do_not_fit_a_bag_are_refused(
 ) -> None:
     assert run(["import", str(ros1_bag(tmp_path)), "--out", str(tmp_path / "out.mcap"), *options]) == 2
     assert message in capsys.readouterr().err
-
-
-def test_without_rosbags_the_extra_is_named(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    bag = ros1_bag(tmp_path)
-    monkeypatch.setitem(sys.modules, "rosbags", None)
-    assert run(["import", str(bag), "--out", str(tmp_path / "out.mcap")]) == 1
-    assert "ROS bags need rosbags, which is not installed: run pip install '.[ros]'" in capsys.readouterr().err

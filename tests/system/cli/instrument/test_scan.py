@@ -451,14 +451,6 @@ def test_viewers_receive_what_was_published_last_before_the_end() -> None:
         assert [len(received(socket, channels)["/readings"]) for socket, channels in viewers] == [5] * 20
 
 
-def test_the_missing_extra_is_named() -> None:
-    program = "import sys; sys.modules['foxglove'] = None; from sonarhw_cli.entry import main; main()"
-    command = [sys.executable, "-c", program, "serve", "fake:simple?place=figure9", "--foxglove"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    install = "run pip install '.[foxglove]' in the source folder of sonarhw"
-    assert done.stderr == f"sonarhw: a server for Foxglove needs its SDK, which is not installed: {install}\n"
-
-
 class Ordered(FakeBoard):
     """A board that keeps the number of sweeps of its newest scan."""
 
