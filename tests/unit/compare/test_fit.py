@@ -31,12 +31,12 @@ from sonarhw_compare.fit.starting import fit_scan
 from sonarhw_compare.scans import GivenScan
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import Mount, load_board
-from sonarhw_sim.room.room import Place, Room, load_room, parse_room
+from sonarhw_sim.room.room import Place, load_room, parse_room
 
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
 from tests.fixtures.predicted_readings import predicted_readings, readings_of
-from tests.fixtures.rooms_for_tests import room_of
+from tests.fixtures.rooms_for_tests import polygon_room, room_of
 
 BOARD = replace(load_board("polaroid-6500"), mount=Mount(ahead=0.05, aside=-0.01), range_offset=0.02)
 ROOM = room_of([(-1.0, 0.0, 2.0, 0.5), (2.0, 0.5, 2.0, 3.0)], [(0.0, 4.0, 0.1)], [0.9, 0.8, 0.7])
@@ -275,20 +275,10 @@ def test_bounds_are_those_of_the_room_and_the_board(word: str, bounds: tuple[flo
     assert (loud.lower, loud.upper) == (-32.0, 0.0)
 
 
-def closed_room(corners: dict[str, tuple[float, float]]) -> Room:
-    """Return a closed room, counter-clockwise, with a wall from each corner to the next."""
-    points = list(corners.values())
-    walls = "".join(
-        f'[[walls]]\nname = "{name}"\npoints = [{list(begin)}, {list(end)}]\nmaterial = "m"\n'
-        for name, begin, end in zip(corners, points, points[1:] + points[:1], strict=True)
-    )
-    return parse_room(f'name = "room"\n[materials.m]\nreflectance = 0.9\n{walls}', "room")
-
-
 @pytest.mark.parametrize("corner", [(0.0, 0.0), (2.0, 0.5), (1.5, 2.0), (-0.3, 1.6)])
 def test_derivatives_of_corners_are_those_of_finite_differences(corner: tuple[float, float]) -> None:
-    room = closed_room({"a": (0.0, 0.0), "b": (2.0, 0.5), "c": (1.5, 2.0), "d": (-0.3, 1.6)})
-    columns = {0: 0, 1: 1, 3: 2}  # wall c is fixed
+    room = polygon_room([(0.0, 0.0), (2.0, 0.5), (1.5, 2.0), (-0.3, 1.6)])
+    columns = {0: 0, 1: 1, 3: 2}  # the third wall is fixed
     (row,) = np.flatnonzero((room.walls[:, :2] == corner).all(axis=1))
     found = corner_moves(room, np.array(corner), columns)
     for wall, column in columns.items():

@@ -16,7 +16,7 @@ from sonarhw_sim.rays import fan as path_table
 from sonarhw_sim.rays.fan import TransducerAxes
 from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths, find_paths_of_places
 from sonarhw_sim.rays.posts import cylinder_factor
-from sonarhw_sim.room.room import Room, load_room, parse_room, with_post
+from sonarhw_sim.room.room import Room, load_room, with_post
 
 from sonarhw.errors import InputError
 from tests.fixtures.rooms_for_tests import polygon_room, room_of, star_room
@@ -112,15 +112,6 @@ def test_paths_to_a_receiver_elsewhere_are_those_of_image_sources() -> None:
 HERE = (0.0, 0.0)
 
 
-def scene(walls: np.ndarray, posts: np.ndarray) -> Room:
-    text = 'name = "scene"\n[materials.m]\nreflectance = 1.0\n[places.here]\nposition = [0.0, 0.0]\n'
-    for k, (a, b, c, d) in enumerate(walls.tolist()):
-        text += f'[[walls]]\nname = "w{k}"\nmaterial = "m"\npoints = [[{a}, {b}], [{c}, {d}]]\n'
-    for k, (x, y, radius) in enumerate(posts.tolist()):
-        text += f'[[posts]]\nname = "p{k}"\nmaterial = "m"\ncenter = [{x}, {y}]\nradius = {radius}\n'
-    return parse_room(text, "scene")
-
-
 def found(room: Room, walls: int) -> dict[tuple[int, ...], float]:
     """Return sequence and length of each path of up to three reflections with a post among them."""
     paths = find_paths(room, HERE, PathSearch(21.4, WAVELENGTH, diffraction=False, shadows=False))
@@ -159,7 +150,7 @@ def test_every_path_by_a_post_is_found_and_no_other(seed: int) -> None:
             expected[sequence] = np.hypot(*np.diff(points, axis=0).T).sum()
             if doubt or 20 * math.log10(ray_gain(points, sequence, len(walls), posts)) < -60:
                 optional.add(sequence)
-    paths = found(scene(walls, posts), len(walls))
+    paths = found(room_of(walls, posts), len(walls))
     assert paths.keys() <= expected.keys()
     assert expected.keys() - optional <= paths.keys()
     for sequence in paths:
@@ -172,7 +163,7 @@ def test_a_wire_is_heard_at_every_bearing(distance: float) -> None:
     wall = np.array([[-30.0, -30.0, -30.0, -31.0]])
     for bearing in np.linspace(0, math.tau, 25):
         post = [distance * math.cos(bearing), distance * math.sin(bearing), 0.002]
-        assert found(scene(wall, np.array([post])), 1) == {(1,): pytest.approx(2 * (distance - 0.002))}
+        assert found(room_of(wall, np.array([post])), 1) == {(1,): pytest.approx(2 * (distance - 0.002))}
 
 
 def exact_echo(radius: float, distance: float, apart: float, reflectance: float) -> complex:
@@ -209,7 +200,7 @@ def test_a_thin_post_is_as_strong_as_the_exact_wave(diameter: float, incidence: 
 
 @pytest.mark.parametrize("radius", [0.001, 0.0254, 0.0256])
 def test_the_gain_of_a_path_contains_the_factor_of_thin_posts_only(radius: float) -> None:
-    room = scene(np.array([[-30.0, -30.0, -30.0, -31.0]]), np.array([[1.0, 0.5, radius]]))
+    room = room_of(np.array([[-30.0, -30.0, -30.0, -31.0]]), np.array([[1.0, 0.5, radius]]))
     paths = find_paths(room, HERE, PathSearch(21.4, WAVELENGTH))
     away = math.hypot(1.0, 0.5) - radius
     exact = cylinder_factor(np.array([math.tau / WAVELENGTH * radius]), np.zeros(1), np.ones(1))[0]
@@ -221,7 +212,7 @@ def test_sound_goes_from_a_thin_post_to_an_edge_at_every_bearing() -> None:
     wall, post = np.array([[4.0, 1.0], [4.5, 2.0]]), np.array([5.0, 0.0])
     for bearing in np.radians(np.arange(10.0, 11.0, 0.1)).tolist():
         turn = np.array([[math.cos(bearing), math.sin(bearing)], [-math.sin(bearing), math.cos(bearing)]])
-        room = scene((wall @ turn).reshape(1, 4), np.array([[*(post @ turn), 0.002]]))
+        room = room_of((wall @ turn).reshape(1, 4), np.array([[*(post @ turn), 0.002]]))
         paths = find_paths(room, HERE, PathSearch(21.4, WAVELENGTH, faintest_diffraction=1e-7))
         by_both = paths.select(np.flatnonzero((paths.edges >= 0) & (paths.bounces == 1)))
         # to the post and back from the edge, and the reverse, for each end of the wall
