@@ -184,6 +184,7 @@ def assert_harmless(text: str) -> None:
     "arguments",
     [
         (EVIL,),
+        ("profile", NOT_UTF8, "list"),
         ("log", "info", EVIL),
         ("log", "info", NOT_UTF8),
         ("simulate", NOT_UTF8),
