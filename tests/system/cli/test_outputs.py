@@ -286,6 +286,7 @@ import fcntl, os, termios
 os.setsid()
 fcntl.ioctl(2, termios.TIOCSCTTY, 0)
 import sonarhw_cli.entry
+sonarhw_cli.entry.UNWINDING = 600  # on a busy machine, the end may take longer than a user waits
 sonarhw_cli.entry.main()
 """
 BAR = "━"
