@@ -44,8 +44,11 @@ CASES = {
     "endless": (started(2**32 - 1), "Started announces 4294967295 readings from number 0; StartScan requested 36"),
     "empty": (started(0), "Started announces 0 readings"),
     "unordered": (reading(3, echoes=(9_000_000, 7_000_000)), "reading 3: an echo at 9 ms is before one at 7 ms"),
-    "blanked": (reading(3, echoes=(1_000_000,)), "reading 3: an echo at 1 ms, before the end of blanking at 2.38 ms"),
-    "late": (reading(3, echoes=(4_294_000_000,)), "reading 3: an echo at 4294 ms, after the end of listening at 20 ms"),
+    "blanked": (
+        reading(3, echoes=(2_370_000,)),
+        "an echo at 2.37 ms, before the end of blanking at 2.38 ms",
+    ),
+    "late": (reading(3, echoes=(20_010_000,)), "an echo at 20.01 ms, after the end of listening at 20 ms"),
     "turned": (reading(3, angle=120_000_000), "reading 3: angle 120 degrees; its number means 30 degrees"),
     "a step too far": (reading(3, angle=30_000_000 + 3 * 360_000_000 // 6400), "reading 3: angle 30.1687 degrees"),
     "swept": (reading(3, sweep=1), "reading 3: sweep 1, ping 0; its number means sweep 0, ping 0"),

@@ -11,7 +11,7 @@ import pytest
 
 from sonarhw.device.fake_board import BoardIdentity
 from sonarhw.errors import CommandRefused, DeviceError, LinkLost, LogError, NoAnswer, WrongDevice
-from sonarhw.host.driver import ASK_AGAIN, NO_MESSAGE, SIGN_OF_LIFE, SILENCE
+from sonarhw.host.driver import SIGN_OF_LIFE
 from sonarhw.host.scripts import (
     MOVE_WITHIN,
     Job,
@@ -112,7 +112,7 @@ def test_a_lost_reading_is_requested_at_the_next_heartbeat_and_again_after_a_whi
     assert (scan.readings[0].number, len(bench.echoes.pings), len(requests)) == (0, 1, 1)
     bench.up = without(lambda message: isinstance(message, ReadingMessage | Heartbeat))
     bench.until(lambda: len(requests) == 3)
-    assert requests[2] - requests[1] == pytest.approx(ASK_AGAIN, abs=1e-3)
+    assert requests[2] - requests[1] == pytest.approx(0.3, abs=1e-3)
 
 
 def test_more_readings_than_requests_for_one_are_requested_again(bench: Bench) -> None:
@@ -165,8 +165,8 @@ def test_command_numbers_continue_at_0_after_65535() -> None:
 @pytest.mark.parametrize(
     ("cable", "message", "seconds"),
     [
-        (lambda data: b"", "no byte received", SILENCE),
-        (lambda data: b"rubbish" * 9, "no valid message", NO_MESSAGE),
+        (lambda data: b"", "no byte received", 0.75),
+        (lambda data: b"rubbish" * 9, "no valid message", 3.0),
         (without(lambda message: isinstance(message, Accepted)), "no answer to Turn after 6 tries", 3.0),
         (without(lambda message: isinstance(message, Finished)), "sends no Finished for Turn; start it again", 5.2),
     ],

@@ -96,6 +96,12 @@ def test_a_line_of_text_after_each_sweep_is_no_restart() -> None:
     assert len(placed) <= 6 * len(once)
 
 
+def test_a_line_of_text_within_a_sweep_ends_nothing() -> None:
+    tracker, placed = followed((at(angle, restarted=k % 302 == 200) for k, angle in enumerate(4 * (UP + DOWN))), 2)
+    assert tracker.restarts == 0
+    assert [[one.sweep for one in placed].count(sweep) for sweep in (0, 1)] == [151, 151]
+
+
 def test_a_device_that_stops_before_its_angle_turns_back_gives_what_it_has() -> None:
     tracker = SweepTracker()
     tracker.want(1)
