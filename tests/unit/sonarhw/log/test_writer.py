@@ -87,6 +87,18 @@ def test_a_log_returns_the_scan_that_was_written(
         assert_readings_close(got, replace(wanted, time=fired))
 
 
+@pytest.mark.parametrize("whole", [True, False])
+def test_how_a_source_was_read_may_be_known_late(whole: bool, tmp_path: Path) -> None:
+    path = tmp_path / "scan.mcap"
+    with LogWriter(path, METADATA) as log:
+        log.reading(example_reading(0))
+        log.state_how_read("range in feet: 'ft' in the text")
+        log.reading(example_reading(1))
+    if not whole:
+        path.write_bytes(path.read_bytes()[:-300])
+    assert read_log(path).metadata == replace(METADATA, read_as="range in feet: 'ft' in the text")
+
+
 @pytest.mark.parametrize("time", [-1.0, 2**64 / 1e6, math.nan])
 def test_a_reading_with_an_absurd_time_does_not_end_a_recording(time: float, tmp_path: Path) -> None:
     with LogWriter(tmp_path / "scan.mcap", METADATA) as log:
