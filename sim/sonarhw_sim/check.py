@@ -16,6 +16,7 @@ from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.room import Place, Room, object_around, object_name, surface_distances, wall_distances
 from sonarhw_sim.room.room_file import MEETING, RoomFile
 from sonarhw_sim.room.room_writing import materials
+from sonarhw_sim.room.small_things import clusters_of
 
 Point = tuple[float, float]  # m
 
@@ -243,12 +244,28 @@ _MOST_WALLS = 2000  # with more, no scan is predicted: it would take minutes
 
 def check_room(room: Room, board: Board) -> list[Finding]:
     """Return everything that is probably wrong in a room, if it is scanned with `board`."""
-    return [*plan_findings(room), *_unused_materials(room), *_silent_places(room, board)]
+    findings = [*plan_findings(room), *_guessed_levels(room, board)]
+    return [*findings, *_unused_materials(room), *_silent_places(room, board)]
 
 
 def refusals_of(text: str, where: str) -> list[str]:
     """Return a line for each error in the text of a room file; empty if it can be used. Raises InputError."""
     return problems_of(parse_table(text, where), RoomFile)
+
+
+def _guessed_levels(room: Room, board: Board) -> Iterator[Finding]:
+    """Yield the small walls that are nearer to each other than rays resolve, and are not solved by the wave."""
+    wavelength = board.wavelength(room.air)
+    for cluster in clusters_of(room, wavelength):
+        if cluster.solvable:
+            continue
+        names = [room.names[row] for row in cluster.walls]
+        where = f"wall {names[0]!r}" if len(names) == 1 else f"walls {names[0]!r} to {names[-1]!r}"
+        middle = _middle(room, cluster.walls[0])
+        text = f"has edges too near to others for sound of {_millimetres(wavelength)}, at {_point(middle)}"
+        text = text if len(names) == 1 else text.replace("has edges", "have edges", 1)
+        advice = "the levels of their echoes are guesses, at most those of a plate as wide"
+        yield Finding("guessed level", where, text, advice, (middle,))
 
 
 def _unused_materials(room: Room) -> Iterator[Finding]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from sonarhw.readings import FloatArray
 from sonarhw_sim.air import EdgeStrength
 from sonarhw_sim.board.beam import beam_gain
+from sonarhw_sim.rays.clusters import bounded, by_clusters, numbered, without_clusters
 from sonarhw_sim.rays.diffraction import EdgeDiffraction, diffracted_paths
 from sonarhw_sim.rays.fan import PathTable, Targets, TransducerAxes, all_rays, fan, first_hit, follow_fan
 from sonarhw_sim.rays.passing import Passing, at_heights
@@ -42,6 +43,7 @@ from sonarhw_sim.rays.sequences import (
 from sonarhw_sim.rays.shadows import with_shadows
 from sonarhw_sim.room.grid import IntArray
 from sonarhw_sim.room.room import Room
+from sonarhw_sim.room.small_things import Followed, followed
 
 # All paths of sound from a place back to it, or to a separate receiver.
 #
@@ -73,6 +75,7 @@ class PathSearch:
     shadows: bool = True  # whether sound bends past obstacles on the way out and back, and past thin posts
     step: int = 1  # every so many rays are followed, and the others where two of these meet different surfaces
     leaving: FloatArray | None = None  # (n, rays): the most amplitude of rays of each place at departure; None: 1
+    small: bool = True  # whether small walls are one thing, in the plan: joined on a line, and solved by the wave
 
     @property
     def directions(self) -> FloatArray:
@@ -212,6 +215,45 @@ def _paths_between(
 
     With `passing` there is one source. The receivers are the senders if `ends` is `sources`.
     """
+    by_wave = search.diffraction and search.edge_strength is EdgeStrength.UNIFORM
+    small = followed(room, search.wavelength, by_wave) if search.small and passing is None else None
+    if small is None:
+        return _by_rays(room, sources, search, ends, passing)
+    paths = numbered(_by_rays(small.room, sources, search, ends, None), small, room)
+    if small.clusters:
+        paths = without_clusters(paths, small, room)
+        paths = shortest_first(PartialPaths.join([paths, _paths_by_clusters(room, small, sources, search, ends)]))
+    return bounded(paths, small, room, search.wavelength) if small.guessed else paths
+
+
+def _paths_by_clusters(
+    room: Room, small: Followed, sources: FloatArray, search: PathSearch, ends: FloatArray
+) -> PartialPaths:
+    """Return the paths by clusters of small walls, as `_paths_between`."""
+    bare, longest, bounces = small.bare, search.max_length + SLACK, search.max_bounces
+    edges = np.arange(len(bare.edges))
+    passed_below = THIN * search.wavelength if search.shadows else 0.0
+    posts = PostSearch(
+        bare, longest, min(bounces, MOST_REFLECTIONS), search.faintest_diffraction, None, passed_below, search.step
+    )
+
+    def ways(places: FloatArray, others: FloatArray, half: PathSearch) -> PartialPaths:
+        to_posts = ways_to_posts(posts, places, others, half.directions)
+        between, from_posts = ways_from_posts(posts, places, others, edges)
+        by_posts = chains_of(posts, to_posts, between), from_posts
+        to_centres = np.clip(longest - np.hypot(*np.moveaxis(bare.edges.points - others[:, None], -1, 0)), 0.0, None)
+        return _partial_paths_from(half, posts, places, others, edges, to_centres, 0.0, by_posts)
+
+    out = ways(sources, ends, search)
+    back = out if ends is sources else ways(ends, sources, search.reversed)
+    limits = longest, bounces
+    return by_clusters(out, back, small, room, search.wavelength, search.faintest_diffraction, limits)
+
+
+def _by_rays(
+    room: Room, sources: FloatArray, search: PathSearch, ends: FloatArray, passing: Passing | None
+) -> PartialPaths:
+    """Return the paths of `_paths_between` by rays alone."""
     both_ways = ends is sources
     outside = ~(_inside_post(room, sources, passing) | _inside_post(room, ends, passing))
     if not outside.all():
@@ -272,7 +314,7 @@ def _outside_posts(
     chosen = sources[rows]
     some = search if search.axes is None else replace(search, axes=search.axes.select(rows))
     some = some if some.leaving is None else replace(some, leaving=some.leaving[rows])
-    paths = _paths_between(room, chosen, some, chosen if ends is sources else ends[rows], passing)
+    paths = _by_rays(room, chosen, some, chosen if ends is sources else ends[rows], passing)
     return replace(paths, places=rows.astype(np.int32)[paths.places])
 
 

@@ -72,10 +72,7 @@ def find_edges(walls: FloatArray, names: tuple[str, ...]) -> Edges:
     ends = np.unique(walls.reshape(-1, 2), axis=0)
     vertices = np.unique(np.vstack((ends, _crossings(walls, ends))), axis=0)
     faces = _faces_at(vertices, walls)
-    following = _following(faces.vertices)
-    openings = np.mod(faces.directions[following] - faces.directions, math.tau)
-    # a single face has 360° of air
-    openings[openings == 0] = math.tau
+    following, openings = _wedges(faces)
     rows = np.flatnonzero(_diffracts(openings))
     beside = np.column_stack((faces.walls[rows], faces.walls[following[rows]]))
     return Edges(
@@ -86,6 +83,27 @@ def find_edges(walls: FloatArray, names: tuple[str, ...]) -> Edges:
         tuple(_edge_name(first, second, names) for first, second in beside.tolist()),
         _bare_lengths(faces, following, openings, vertices)[rows],
     )
+
+
+def _wedges(faces: _Faces) -> tuple[NDArray[np.intp], FloatArray]:
+    """Return the face that follows each, and the air between both, rad."""
+    following = _following(faces.vertices)
+    openings = np.mod(faces.directions[following] - faces.directions, math.tau)
+    # a single face has 360° of air
+    openings[openings == 0] = math.tau
+    return following, openings
+
+
+def wedges_at(points: FloatArray, walls: FloatArray) -> Iterator[tuple[FloatArray, float, float, int, int]]:
+    """Yield all wedges of air at points (p, 2) m on walls (n, 4): point, direction of its first face, opening, walls.
+
+    Unlike edges, these are also the wedges that do not diffract.
+    """
+    faces = _faces_at(points, walls)
+    following, openings = _wedges(faces)
+    for row, other in enumerate(following.tolist()):
+        first, last = int(faces.walls[row]), int(faces.walls[other])
+        yield points[faces.vertices[row]], float(faces.directions[row]), float(openings[row]), first, last
 
 
 def _bare_lengths(faces: _Faces, following: NDArray[np.intp], openings: FloatArray, vertices: FloatArray) -> FloatArray:

@@ -101,6 +101,8 @@ def _all_paths(room: Room, place: Place, search: PathSearch, receiver: Receiver,
     """Return the paths of `paths_from` with the largest values of the tables of materials."""
     if place.height is None:
         return _planar_paths(room, place, search, receiver)
+    # paths out of the plan are derived from those in it, by walls and edges
+    search = replace(search, small=False)
     if len(room.names) > _MOST_SURFACES:
         raise InputError(f"room {room.name!r}: heights take up to {_MOST_SURFACES} surfaces, got {len(room.names)}")
     strips = _strips(place.height, face, sections)

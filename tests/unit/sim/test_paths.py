@@ -20,9 +20,9 @@ from sonarhw_sim.room.room import Room, load_room, with_post
 
 from sonarhw.errors import InputError
 from tests.fixtures.rooms_for_tests import polygon_room, room_of, star_room
-from tests.oracles.exact.boundary_elements import RigidScene, level_of_wall
+from tests.oracles.exact.boundary_elements import RigidScene, level_of_wall, scattered
 from tests.oracles.exact.exact_levels import WAVELENGTH as WAVE
-from tests.oracles.exact.exact_levels import WAVENUMBER, level_near
+from tests.oracles.exact.exact_levels import WAVENUMBER, by_paths, decibels, level_near
 from tests.oracles.fermat import reflected_paths
 from tests.oracles.image_sources import specular_lengths
 
@@ -436,3 +436,91 @@ def test_exchanging_both_ends_changes_no_path() -> None:
     out = levels(find_paths(room, here, SEARCH_PAST, there))
     assert len(out) > 50
     assert levels(find_paths(room, there, SEARCH_PAST, here)) == pytest.approx(out, abs=1e-6)
+
+
+Chain = list[tuple[float, float]]
+
+TRAY: Chain = [(0.7, -0.01), (0.72, -0.01), (0.72, 0.02), (0.7, 0.02)]
+DUCT: Chain = [(0.8, -0.005), (0.79, -0.005), (0.79, 0.01), (0.8, 0.01)]
+STAIRS: Chain = [(0.6, -0.02), (0.6, 0.0), (0.615, 0.0), (0.615, 0.02), (0.63, 0.02)]
+SLATS: list[Chain] = [[(0.6, -0.04), (0.61, -0.02)], [(0.6, -0.01), (0.61, 0.01)], [(0.6, 0.02), (0.61, 0.04)]]
+
+
+def walls_of(chains: list[Chain]) -> Walls:
+    return [(*begin, *end) for chain in chains for begin, end in itertools.pairwise(chain)]
+
+
+def turned(chains: list[Chain], angle: float) -> list[Chain]:
+    turn = complex(math.cos(angle), math.sin(angle))
+    points = [[turn * complex(*point) for point in chain] for chain in chains]
+    return [[(point.real, point.imag) for point in chain] for chain in points]
+
+
+@pytest.mark.parametrize(("chains", "mirror"), [([TRAY], None), ([DUCT], 0.8), ([STAIRS], None), (SLATS, None)])
+def test_small_concave_things_are_as_loud_as_the_wave(chains: list[Chain], mirror: float | None) -> None:
+    exact = scattered(RigidScene(chains, mirror=mirror), (0.0, 0.0), WAVENUMBER)
+    of_wall = scattered(RigidScene(mirror=0.5), (0.0, 0.0), WAVENUMBER)
+    walls = walls_of(chains) + ([] if mirror is None else [(mirror, -9.0, mirror, 9.0)])
+    assert by_paths(walls, 1.0, ORIGIN) == pytest.approx(decibels(exact / of_wall), abs=0.7)
+
+
+def test_a_slot_in_a_wall_is_as_loud_as_the_wave() -> None:
+    slot: Chain = [(0.0, -0.01), (0.02, -0.01), (0.02, 0.01), (0.0, 0.01)]
+    place, half = (-0.4, 0.25), 0.15
+    plates: list[list[Chain]] = [[[(0.0, -half), *slot, (0.0, half)]], [[(0.0, -half), (0.0, half)]]]
+    with_slot, without = (scattered(RigidScene(chains), place, WAVENUMBER) for chains in plates)
+    of_wall = scattered(RigidScene(mirror=place[0] + 0.5), place, WAVENUMBER)
+    walls = walls_of([[(0.0, -9.0), *slot, (0.0, 9.0)]])
+    of_slot = by_paths(walls, 1.0, np.array(place), longer_than=0.81)
+    # of a plate of limited length, so only nearly
+    assert of_slot == pytest.approx(decibels((with_slot - without) / of_wall), abs=1.5)
+
+
+def test_sound_by_a_small_thing_comes_back_at_its_distance_and_is_the_same_in_reverse() -> None:
+    room = room_of([*walls_of([TRAY]), (-1.0, -9.0, -1.0, 9.0)])
+    search = PathSearch(4.0, WAVE, faintest_diffraction=1e-5)
+    there, back = (find_paths(room, start, search, end) for start, end in (((0, 0), (0.1, 0.2)), ((0.1, 0.2), (0, 0))))
+    assert there.lengths == pytest.approx(back.lengths, abs=1e-5)
+    assert sorted(there.gains) == pytest.approx(sorted(back.gains), rel=1e-5)
+    alone = find_paths(room_of(walls_of([TRAY])), (0.0, 0.0), search)
+    assert len(alone) == 1
+    assert 2 * 0.69 < alone.lengths[0] < 2 * 0.74
+
+
+def test_a_rotated_room_with_small_things_has_the_same_paths() -> None:
+    chains = [TRAY, DUCT, [(0.8, -2.0), (0.8, 2.0)], [(-0.5, -1.0), (-0.5, 1.0)]]
+    search = PathSearch(3.0, WAVE, faintest_diffraction=1e-4)
+    plain, other = (
+        find_paths(room_of(walls_of(turned(chains, angle))), (0.0, 0.0), search) for angle in (0.0, math.radians(17.3))
+    )
+    loud = np.flatnonzero(plain.gains > 1e-2)
+    loud_other = np.flatnonzero(other.gains > 1e-2)
+    assert other.lengths[loud_other] == pytest.approx(plain.lengths[loud], abs=1e-5)
+    assert sorted(other.gains[loud_other]) == pytest.approx(sorted(plain.gains[loud]), rel=1e-4)
+
+
+def test_walls_that_cannot_be_solved_return_at_most_a_plate_of_their_width() -> None:
+    # a slot of 6 mm between two long walls that are not on one line
+    walls = [(1.0, -3.0, 1.0, 0.0), (1.0, 0.0, 1.02, 0.0), (1.02, 0.0, 1.02, 0.006), (1.02, 0.006, 0.9, 2.5)]
+    paths = find_paths(room_of(walls), (0.0, 0.0), PathSearch(3.0, WAVE, faintest_diffraction=1e-5))
+    by_small = [row for row in range(len(paths)) if {1, 2} & set(paths.surfaces[row].tolist())]
+    assert paths.gains[by_small] == pytest.approx(np.minimum(paths.gains[by_small], 0.021 * math.sqrt(2 / WAVE)))
+
+
+def test_walls_cut_into_pieces_on_one_line_have_the_same_paths() -> None:
+    corners = [(-1.0, -0.8), (1.1, -0.8), (1.1, 0.3), (0.9, 0.9), (-1.0, 0.7)]
+    whole = [(*begin, *end) for begin, end in zip(corners, corners[1:] + corners[:1], strict=True)]
+    whole += [(0.3, -0.4, 0.55, -0.2), (-0.4, 0.1, -0.4, 0.16)]
+    cuts = [np.column_stack((np.linspace(x, u, 11), np.linspace(y, v, 11))) for x, y, u, v in whole]
+    pieces = [(*begin, *end) for points in cuts for begin, end in itertools.pairwise(points.tolist())]
+    search = PathSearch(6.0, WAVE, faintest_diffraction=1e-4)
+    uncut, cut = (find_paths(room_of(walls), (0.1, 0.05), search) for walls in (whole, pieces))
+    assert np.array_equal(uncut.lengths, cut.lengths)
+    assert np.array_equal(uncut.gains, cut.gains)
+    assert np.array_equal(uncut.points, cut.points, equal_nan=True)
+    # each reflection is on the piece that is named
+    assert np.array_equal(np.where(cut.surfaces < 0, -1, cut.surfaces // 10), uncut.surfaces)
+    for row in np.flatnonzero((cut.bounces == 1) & (cut.edges < 0)).tolist():
+        begin, end = np.reshape(pieces[cut.surfaces[row, 0]], (2, 2))
+        touch = cut.points[row, 1]
+        assert math.dist(touch, begin) + math.dist(touch, end) == pytest.approx(math.dist(begin, end), abs=1e-9)

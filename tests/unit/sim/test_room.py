@@ -271,6 +271,10 @@ def test_the_plans_of_shipped_rooms_have_no_findings(name: str) -> None:
             '[[posts]]\nname = "q"\nradius = 0.2\nmaterial = "m"\ncenter = [9.0, 1.0]',
             "post 'q': is outside the room, at 9, 1 m; move it into the room, or remove it",
         ),
+        (
+            f"{WALL}[[0.0, 1.0], [0.03, 1.0], [0.03, 2.0]]",
+            "wall 'v[0]': has edges too near to others for sound of 6.96 mm, at 0.015, 1 m; the levels of their",
+        ),
         ("[materials.n]\nreflectance = 0.5", "material 'n': no wall, post, floor or ceiling has it; use it"),
     ],
 )  # fmt: skip

@@ -1,0 +1,314 @@
+"""The wave scattered by a few small walls, free or on an endless wall, by boundary elements.
+
+The unknowns are the jump of pressure across each wall, by hat functions, and the flow through openings of the endless
+wall, constant on each panel. Both sides of the endless wall are half spaces with mirror images. The equations are
+symmetric (Galerkin; the hypersingular integral by parts, Maue 1949), so source and receiver can be exchanged. Surfaces
+are rigid. Time dependence e^{+jωt}.
+"""
+
+import itertools
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonarhw.readings import FloatArray
+from sonarhw_sim.board.beam import ComplexArray
+
+_PER_WAVE = 8.0  # panels of the largest size
+_SMALLEST = 0.15  # size of the panel at the end of a wall, relative to the largest
+_GROWTH = 1.6  # of the size from one panel to the next
+_NEAR = 4.0  # panel lengths: nearer, the logarithm is integrated exactly
+_POINTS = 4  # on a panel, for integrals of near ones
+_NODES, _WEIGHTS = (np.polynomial.legendre.leggauss(_POINTS) + np.array([[1.0], [0.0]])) / 2.0
+_MEETING = 1e-7  # m
+_STEP = 0.015  # of the wave number, to find the delay: half of the band of a burst of 16 cycles
+
+
+@dataclass(frozen=True)
+class SmallWalls:
+    """Small walls in coordinates of their own; on an endless wall, that is the line y = 0. All lengths in m."""
+
+    walls: tuple[tuple[float, float, float, float], ...]
+    wavelength: float
+    openings: tuple[tuple[float, float], ...] = ()  # of the endless wall, from x to x
+    on_wall: bool = False
+
+    def factors(self, sources: FloatArray, receivers: FloatArray | None = None) -> tuple[ComplexArray, FloatArray]:
+        """Return the scattered sound from `sources` (n, 2) to `receivers` (m, 2), (n, m), and its delay, (n, m) m.
+
+        It is relative to sound by way of the origin. On an endless wall, it is the difference from what the wall alone
+        returns with its openings closed. Without `receivers`, these are the sources.
+        """
+        number = math.tau / self.wavelength
+        here, beside = (self._relative(k, sources, receivers) for k in (number, number * (1.0 + _STEP)))
+        delays = -np.angle(beside * np.conj(here)) / (_STEP * number)
+        return here, np.asarray(delays)
+
+    def _relative(self, number: float, sources: FloatArray, receivers: FloatArray | None) -> ComplexArray:
+        from scipy.special import hankel2  # slow to import, and most rooms have no small walls
+
+        one = self._caused(number, sources)
+        other = one if receivers is None else self._caused(number, receivers)
+        total = one.T @ (_inverse(self, number) @ other)
+        ends = sources if receivers is None else receivers
+        if receivers is None:
+            total = (total + total.T) / 2  # equal to the last bit when exchanged
+        lengths = np.hypot(*sources.T)[:, None] + np.hypot(*ends.T)
+        return np.asarray(total / (-0.25j * hankel2(0, number * lengths)))
+
+    @cached_property
+    def panels(self) -> "tuple[_Panels, _Panels, _Panels]":
+        """Those of the walls above the endless wall, or all, those of the walls below, turned up, and the openings."""
+        walls = np.array(self.walls).reshape(-1, 4)
+        below = self.on_wall & (walls[:, 1] + walls[:, 3] < 0.0)
+        openings = np.array([(a, 0.0, b, 0.0) for a, b in self.openings]).reshape(-1, 4)
+        return (
+            _Panels.of(walls[~below], self.wavelength, self.on_wall),
+            _Panels.of(walls[below] * (1, -1, 1, -1), self.wavelength, self.on_wall),
+            _Panels.of(openings, self.wavelength, True),
+        )
+
+    def _caused(self, number: float, points: FloatArray) -> ComplexArray:
+        """Return what a source at each point (n, 2) causes at each unknown, (u, n)."""
+        upper, lower, flow = self.panels
+        above = (points[:, 1] > 0.0) | (not self.on_wall)
+        turned = points * np.where(above, 1.0, -1.0)[:, None] ** np.array([0, 1])
+        of_walls = [
+            side * (part.averages.T @ self._with_image(_slope_at, number, part, turned))
+            for part, side in ((upper, above), (lower, ~above))
+        ]
+        through = np.where(above, 1.0, -1.0) * self._with_image(_pressure_at, number, flow, turned)
+        return np.asarray(np.concatenate((*of_walls, through)))
+
+    def _with_image(
+        self,
+        field: "Callable[[float, _Panels, FloatArray], ComplexArray]",
+        number: float,
+        panels: "_Panels",
+        points: FloatArray,
+    ) -> ComplexArray:
+        total = field(number, panels, points)
+        return total + field(number, panels, points * (1, -1)) if self.on_wall else total
+
+
+@dataclass(frozen=True)
+class _Panels:
+    """Straight pieces of walls, and hat functions on them."""
+
+    starts: FloatArray  # (n, 2), m
+    ends: FloatArray  # (n, 2), m
+    averages: FloatArray  # (n, f): of each function on each panel
+    slopes: FloatArray  # (n, f): by how much each grows from the start to the end of each panel
+
+    @staticmethod
+    def of(walls: FloatArray, wavelength: float, on_wall: bool) -> "_Panels":
+        """Return the panels of walls (w, 4) m."""
+        parts = [_cut(wall, wavelength) for wall in walls]
+        ends = np.concatenate([np.empty((0, 2, 2)), *parts])
+        averages, slopes = _hats(ends[:, 0], ends[:, 1], on_wall)
+        middles = ends.mean(axis=1)
+        # halves, with the values there that integrate a slope times another one exactly
+        halves = np.stack((ends[:, 0], middles, middles, ends[:, 1]), axis=1).reshape(-1, 2, 2)
+        steps = np.stack((-slopes, slopes), axis=1).reshape(len(halves), slopes.shape[1]) / 3.0
+        averages, slopes = np.repeat(averages, 2, axis=0) + steps, np.repeat(slopes / 2, 2, axis=0)
+        return _Panels(halves[:, 0], halves[:, 1], averages, slopes)
+
+    @cached_property
+    def lengths(self) -> FloatArray:
+        return np.asarray(np.hypot(*(self.ends - self.starts).T))
+
+    @cached_property
+    def tangents(self) -> FloatArray:
+        return np.asarray((self.ends - self.starts) / self.lengths[:, None])
+
+    @cached_property
+    def normals(self) -> FloatArray:
+        return np.column_stack((-self.tangents[:, 1], self.tangents[:, 0]))
+
+    @cached_property
+    def middles(self) -> FloatArray:
+        return np.asarray((self.starts + self.ends) / 2)
+
+    @cached_property
+    def points(self) -> FloatArray:
+        """Points of Gauss on each, (n, 4, 2)."""
+        return np.asarray(self.starts[:, None] + _NODES[:, None] * (self.ends - self.starts)[:, None])
+
+    @property
+    def image(self) -> "_Panels":
+        """The panels mirrored in the line y = 0. Their normals are the opposite of mirrored normals."""
+        return _Panels(self.starts * (1, -1), self.ends * (1, -1), self.averages, self.slopes)
+
+
+def _cut(wall: FloatArray, wavelength: float) -> FloatArray:
+    """Return the ends of the panels of a wall (4,), (n, 2, 2); they are shorter towards its ends."""
+    length, largest = math.hypot(wall[2] - wall[0], wall[3] - wall[1]), wavelength / _PER_WAVE
+    size, half = _SMALLEST * largest, length / 2
+    sizes: list[float] = []
+    while sum(sizes) < half:
+        sizes.append(min(size, largest))
+        size *= _GROWTH
+    shares = np.cumsum([0.0, *sizes, *sizes[::-1]])
+    points = wall[:2] + (shares / shares[-1])[:, None] * (wall[2:] - wall[:2])
+    return np.stack((points[:-1], points[1:]), axis=1)
+
+
+def _hats(starts: FloatArray, ends: FloatArray, on_wall: bool) -> tuple[FloatArray, FloatArray]:
+    """Return averages and slopes of the hat functions, (n, f) each.
+
+    Where m panels meet there are m wedges of air. The pressure in all but one of them is unknown; it is on the two
+    panels beside the wedge. At a free end there is none. The endless wall divides the last wedge, so there each panel
+    has one.
+    """
+    points = np.concatenate((starts, ends))
+    _, nodes = np.unique(np.round(points / _MEETING), axis=0, return_inverse=True)
+    count, columns = len(starts), []
+    away = np.concatenate((ends - starts, starts - ends))
+    angles = np.arctan2(away[:, 1], away[:, 0])
+    for node in range(int(nodes.max(initial=-1)) + 1):
+        here = np.flatnonzero(nodes.ravel() == node)
+        here = here[np.argsort(angles[here])]
+        flush = on_wall and abs(points[here[0], 1]) < 10 * _MEETING
+        wedges = [(row,) for row in here] if flush else [*itertools.pairwise(here)]
+        for wedge in wedges:
+            # the normal is to the left of the way from the node for panels that start here
+            signs = [(1.0, -1.0)[number] * (1.0 if row < count else -1.0) for number, row in enumerate(wedge)]
+            columns.append([(row % count, sign, row < count) for row, sign in zip(wedge, signs, strict=True)])
+    averages, slopes = np.zeros((count, len(columns))), np.zeros((count, len(columns)))
+    for column, parts in enumerate(columns):
+        for panel, sign, at_start in parts:
+            averages[panel, column] += 0.5 * sign
+            slopes[panel, column] += -sign if at_start else sign
+    return averages, slopes
+
+
+@lru_cache(maxsize=48)
+def _inverse(small: SmallWalls, number: float) -> ComplexArray:
+    """Return the inverse of the symmetric system of equations at a wave number (1/m)."""
+    upper, lower, flow = small.panels
+    walls = [_hypersingular(number, part, small.on_wall) for part in (upper, lower)]
+    leading = [part.averages.T @ _slopes_of(number, part, flow) * 2.0 for part in (upper, lower)]
+    sizes = np.cumsum([0, len(walls[0]), len(walls[1]), len(flow.starts)])
+    up, down, through = (slice(begin, end) for begin, end in itertools.pairwise(sizes))
+    system = np.zeros((sizes[-1], sizes[-1]), np.complex128)
+    system[up, up], system[down, down] = walls
+    system[up, through], system[through, up] = -leading[0], -leading[0].T
+    system[down, through], system[through, down] = leading[1], leading[1].T
+    system[through, through] = -4.0 * _single_layers(number, flow, flow)
+    inverse = np.linalg.inv(system)
+    inverse.flags.writeable = False
+    return np.asarray(inverse)
+
+
+def _hypersingular(number: float, panels: _Panels, on_wall: bool) -> ComplexArray:
+    """Return the equations of walls for their hat functions, (f, f)."""
+    total = np.zeros((panels.averages.shape[1],) * 2, np.complex128)
+    if not total.size:
+        return total
+    # mirroring turns the direction in which functions grow
+    for other, sign in ((panels, 1.0), (panels.image, -1.0))[: 1 + on_wall]:
+        layers = _single_layers(number, panels, other)
+        facing = number**2 * (panels.normals @ (sign * other.normals).T)
+        total += sign * _tested(panels.slopes, layers / (panels.lengths[:, None] * other.lengths))
+        total -= _tested(panels.averages, facing * layers)
+    # slopes on a panel of length 1: ∫∫ -ln |x - y| x y dx dy / 2π is 1 / 32π, by the values on halves ln 2 / 18π
+    missing = 8.0 * (1.0 / 32.0 - math.log(2.0) / 18.0) / math.pi
+    total -= number**2 * missing * panels.slopes.T @ (panels.lengths[:, None] ** 2 * panels.slopes)
+    return total
+
+
+def _tested(functions: FloatArray, layers: ComplexArray) -> ComplexArray:
+    """Return a table (n, n) of panels for functions (n, f) on them, (f, f)."""
+    from scipy.sparse import csr_array
+
+    # each function is on a few panels
+    few = csr_array(functions.T)
+    return np.asarray((few @ (few @ layers).T).T)
+
+
+def _single_layers(number: float, panels: _Panels, others: _Panels) -> ComplexArray:
+    """Return the integrals over each panel (n) and each other one (m) of the sound of a source, (n, m)."""
+    from scipy.special import j0, y0
+
+    if not len(panels.starts) or not len(others.starts):
+        return np.zeros((len(panels.starts), len(others.starts)), np.complex128)
+    away = panels.middles[:, None] - others.middles
+    radii = number * np.maximum(np.hypot(away[..., 0], away[..., 1]), 1e-12)
+    means = np.empty(radii.shape, np.complex128)
+    # by their middles, unless they are near
+    means.real, means.imag = -0.25 * y0(radii), -0.25 * j0(radii)
+    rows, columns = _near(panels, others)
+    points, length = panels.points[rows], others.lengths[columns]
+    logarithm = _logarithms(points, others.starts[columns][:, None], others.tangents[columns][:, None], length[:, None])
+    away = points[:, :, None] - others.points[columns][:, None]
+    radii = np.maximum(np.hypot(away[..., 0], away[..., 1]), 1e-12)
+    rest = -0.25j * j0(number * radii) - 0.25 * y0(number * radii) + np.log(radii) / math.tau
+    # at radius 0 the rest is finite: its limit
+    limit = -0.25j - (math.log(number / 2.0) + np.euler_gamma) / math.tau
+    rest = np.where(radii < 1e-9, limit, rest)
+    means[rows, columns] = rest @ _WEIGHTS @ _WEIGHTS - logarithm @ _WEIGHTS / (math.tau * length)
+    if others is panels:
+        # of a panel with itself, exactly
+        own = np.log(panels.lengths) - 1.5
+        np.fill_diagonal(means, limit - own / math.tau)
+    return np.asarray(means * panels.lengths[:, None] * others.lengths)
+
+
+def _near(panels: _Panels, others: _Panels) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    away = panels.middles[:, None] - others.middles
+    reach = _NEAR * np.maximum(panels.lengths[:, None], others.lengths)
+    rows, columns = np.nonzero(np.hypot(away[..., 0], away[..., 1]) < reach)
+    return rows, columns
+
+
+def _logarithms(points: FloatArray, starts: FloatArray, tangents: FloatArray, lengths: FloatArray) -> FloatArray:
+    """Return the integral of ln r over panels, seen from points (k, p, 2), (k, p)."""
+    away = points - starts
+    along = (away * tangents).sum(axis=2)
+    aside = np.abs(away[..., 1] * tangents[..., 0] - away[..., 0] * tangents[..., 1])
+
+    def primitive(x: FloatArray) -> FloatArray:
+        radius = np.maximum(np.hypot(x, aside), 1e-300)
+        return np.asarray(x * np.log(radius) - x + aside * np.arctan2(x, np.maximum(aside, 1e-300)))
+
+    return np.asarray(primitive(lengths - along) + primitive(along))
+
+
+def _slopes_of(number: float, panels: _Panels, sources: _Panels) -> ComplexArray:
+    """Return the integral over each panel (n) of the slope along its normal of the sound of sources (m), (n, m)."""
+    total = np.zeros((len(panels.starts), len(sources.starts)), np.complex128)
+    if not total.size:
+        return total
+    for node, weight in zip(_NODES, _WEIGHTS, strict=True):
+        points = sources.starts + node * (sources.ends - sources.starts)
+        total += weight * sources.lengths * _slope_at(number, panels, points, many=True)
+    return total
+
+
+def _slope_at(number: float, panels: _Panels, points: FloatArray, many: bool = False) -> ComplexArray:
+    """Return the integral over each panel of the slope along its normal of the sound of sources (k, 2), (n, k).
+
+    It is taken at the middle of each panel, or with `many` at points of Gauss.
+    """
+    from scipy.special import j1, y1
+
+    weights = _WEIGHTS if many else np.ones(1)
+    away = (panels.points if many else panels.middles[:, None])[:, :, None] - points
+    radii = np.hypot(away[..., 0], away[..., 1])
+    across = (away * panels.normals[:, None, None]).sum(axis=3)
+    # the derivative of -j/4 H₀ is j k/4 H₁, H₁ = J₁ - j Y₁
+    slopes = number * (0.25j * j1(number * radii) + 0.25 * y1(number * radii)) * across / radii
+    return np.asarray(np.einsum("npk,p->nk", slopes, weights) * panels.lengths[:, None])
+
+
+def _pressure_at(number: float, panels: _Panels, points: FloatArray) -> ComplexArray:
+    """Return the integral over each panel of the sound of sources (k, 2), (n, k)."""
+    from scipy.special import j0, y0
+
+    away = panels.middles[:, None] - points
+    radii = number * np.hypot(away[..., 0], away[..., 1])
+    return np.asarray((-0.25j * j0(radii) - 0.25 * y0(radii)) * panels.lengths[:, None])
