@@ -10,10 +10,10 @@ from pyqtgraph.graphicsItems.ScatterPlotItem import drawSymbol
 from PySide6.QtCore import QMargins, QPointF, QRectF, QSize, Qt, Signal, Slot
 from PySide6.QtGui import QBrush, QColor, QIcon, QPainter, QPainterPath, QPalette, QPen, QPixmap, QResizeEvent
 from PySide6.QtWidgets import QToolButton, QWidget
-from sonarhw_compare.match import Kind
 
 from sonarhw.readings import Origin
 from sonarhw_gui.model.look import LIGHT, MARKS, Class, Look, Palette, Unclassed, ViewLayer
+from sonarhw_gui.model.rows import CLASSES, class_name
 from sonarhw_gui.model.shown import Shown
 from sonarhw_gui.model.theme import NOTE_SIZE, note_symbol
 from sonarhw_gui.widgets import FlowLayout
@@ -151,6 +151,7 @@ class _Entry:
 
 
 _NOTE, _WALL = "note", "wall"
+_MANY = 360  # readings; fewer are compared within a moment
 _PREDICTIONS = ViewLayer.PREDICTED, ViewLayer.RAYS  # of a room
 SOUND = ("sound", "deaf disc", "counted range")  # drawn only while sound is played
 # drawn only while the panel of the room search is open
@@ -159,8 +160,9 @@ _SOLID, _DASHED = Qt.PenStyle.SolidLine, Qt.PenStyle.DashLine
 _ENTRIES: dict[Class | ViewLayer, _Entry] = {
     **{
         kind: _Entry(partial(mark_picture, kind), MARKS[kind].name, MARKS[kind].meaning)
-        for kind in Kind
         if kind in MARKS
+        else _Entry(no_picture, class_name(kind), "neither measured nor predicted")
+        for kind in CLASSES
     },
     Unclassed.MEASURED: _Entry(
         partial(mark_picture, Unclassed.MEASURED), ORIGIN, "a reading; there is no room to compare it with"
@@ -242,7 +244,10 @@ _EXPLAINED = (
 
 
 class Legend(QWidget):
-    """Explains marks, lines and areas. An eye shows and hides the readings or lines of an entry in all views."""
+    """Explains marks, lines and areas, and counts the readings of each class.
+
+    An eye shows and hides the readings or lines of an entry in all views.
+    """
 
     switched = Signal(object, bool)  # a class or layer, and whether it becomes visible
 
@@ -251,6 +256,8 @@ class Legend(QWidget):
         super().__init__()
         self._hidden, self._switches = hidden, switches
         self._palette, self._origin = LIGHT, Origin.MEASURED
+        self._counts: dict[Class, int] = dict.fromkeys(CLASSES, 0)  # readings
+        self._outdated = False  # whether the counts belong to an older prediction
         self.entries: dict[Class | ViewLayer, QToolButton] = {}
         self._row = row = FlowLayout(self, QMargins(4, 1, 4, 1), gap=1)
         for layer, entry in _ENTRIES.items():
@@ -260,7 +267,7 @@ class Legend(QWidget):
         self.explained = {entry.name: self._explained(entry) for entry in _EXPLAINED}
         for button in self.explained.values():
             row.addWidget(button)
-        self._unused: set[QToolButton] = set()  # entries of what is not drawn now
+        self.unused: set[QToolButton] = set()  # entries of what is not drawn now
         self.more = QToolButton(autoRaise=True)
         self.more.setCheckable(True)
         self.more.setToolTip("Show the whole legend, or one line of it")
@@ -270,13 +277,24 @@ class Legend(QWidget):
         self._draw()
 
     def show_state(self, shown: Shown) -> None:
-        """Name the readings by their origin, and show which layers are hidden.
+        """Name the readings by their origin, count those of each class, and show which layers are hidden.
 
-        Without a room, readings have no class, and nothing is predicted. The class of echoes of the carrier is listed
-        only if the board states some.
+        A class is listed if it has readings or is hidden. Without a room, nothing is predicted.
         """
-        room, origin, hidden = shown.scene.room is not None, shown.origin, shown.hidden
-        drawing = shown.found_room
+        unused, counts = self._unused_for(shown), shown.rows.counts()
+        if (shown.origin, shown.hidden) != (self._origin, self._hidden):
+            self._origin, self._hidden = shown.origin, shown.hidden
+            self._draw()
+        if (counts, shown.outdated) != (self._counts, self._outdated):
+            self._counts, self._outdated = counts, shown.outdated
+            self._name()
+        if unused != self.unused:
+            self.unused = unused
+            self._fold()
+
+    def _unused_for(self, shown: Shown) -> set[QToolButton]:
+        """Return the entries of what is not drawn."""
+        room, drawing, counts = shown.scene.room is not None, shown.found_room, shown.rows.counts()
         used = {
             self.explained[_NOTE]: bool(shown.notes),
             self.explained[_WALL]: room,
@@ -288,17 +306,12 @@ class Legend(QWidget):
             },
         }
         for layer, entry in self.entries.items():
-            if layer is Kind.OWN_BODY:
-                used[entry] = room and bool(shown.scene.board.own_body)
-            elif layer is Unclassed.MEASURED:
-                used[entry] = not room
-            elif isinstance(layer, Kind) or layer in _PREDICTIONS:
-                used[entry] = room
-        unused = {entry for entry, is_used in used.items() if not is_used}
-        if (origin, hidden, unused) != (self._origin, self._hidden, self._unused):
-            self._origin, self._hidden, self._unused = origin, hidden, unused
-            self._draw()
-            self._fold()
+            if isinstance(layer, ViewLayer):
+                used[entry] = room or layer not in _PREDICTIONS
+            else:
+                least = _MANY if layer is Unclassed.WAITING else 0
+                used[entry] = counts[layer] > least or layer in shown.hidden
+        return {entry for entry, is_used in used.items() if not is_used}
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Choose the entries of a single line again."""
@@ -310,13 +323,14 @@ class Legend(QWidget):
     def _fold(self) -> None:
         """Show the entries in use that fit into one line, and all of them once `more` is pressed."""
         entries = [*self.entries.values(), *self.explained.values()]
-        used = [entry for entry in entries if entry not in self._unused]
+        used = [entry for entry in entries if entry not in self.unused]
         line = self._fitting(used) if self._switches else len(used)
         shown = len(used) if self.more.isChecked() else line
-        for entry in entries:
-            entry.setVisible(entry in used[:shown])
-        self.more.setVisible(line < len(used))
         self.more.setText("less" if self.more.isChecked() else f"{len(used) - line} more")
+        parts = {entry: entry in used[:shown] for entry in entries} | {self.more: line < len(used)}
+        # Qt lays out at once what becomes visible, and a second line for a moment would move the view below
+        for part, visible in sorted(parts.items(), key=lambda item: item[1]):
+            part.setVisible(visible)
 
     def _fitting(self, used: list[QToolButton]) -> int:
         """Return how many of these entries fit into one line, with `more` if it is needed."""
@@ -334,7 +348,6 @@ class Legend(QWidget):
         """Use the colours of `look`."""
         self._palette = look.palette
         self._draw()
-        self._fold()
 
     def _made(self, layer: Class | ViewLayer, entry: _Entry) -> QToolButton:
         button = QToolButton(autoRaise=True)
@@ -358,16 +371,23 @@ class Legend(QWidget):
             button.setIcon(QIcon(drawn))
             button.setIconSize(drawn.deviceIndependentSize().toSize())
         for layer, button in self.entries.items():
-            entry, visible = _ENTRIES[layer], layer not in self._hidden
-            button.setText(entry.name.replace(ORIGIN, self._origin))
-            button.setAccessibleName(f"{button.text()}, {'shown' if visible else 'hidden'}")
+            picture = _ENTRIES[layer].picture
             if self._switches:
-                picture = switch_picture(entry.picture, self._palette, self.devicePixelRatioF(), visible)
-            else:
-                picture = entry.picture(self._palette, self.devicePixelRatioF())
-            button.setIcon(QIcon(picture))
-            button.setIconSize(picture.deviceIndependentSize().toSize())
+                picture = partial(switch_picture, picture, visible=layer not in self._hidden)
+            drawn = picture(self._palette, self.devicePixelRatioF())
+            button.setIcon(QIcon(drawn))
+            button.setIconSize(drawn.deviceIndependentSize().toSize())
+        self._name()
+
+    def _name(self) -> None:
+        """Write the names and counts; in grey if hidden, or while a count belongs to an older prediction."""
+        for layer, button in self.entries.items():
+            name, visible = _ENTRIES[layer].name.replace(ORIGIN, self._origin), layer not in self._hidden
+            button.setText(name if isinstance(layer, ViewLayer) else f"{self._counts[layer]} {name}")
+            button.setAccessibleName(f"{button.text()}, {'shown' if visible else 'hidden'}")
+            button.setFixedSize(button.sizeHint())  # otherwise each count triggers a new layout of the window
             colours = QPalette()
-            if not visible:
+            if not visible or (self._outdated and not isinstance(layer, ViewLayer)):
                 colours.setColor(QPalette.ColorRole.ButtonText, QColor(self._palette.faint))
             button.setPalette(colours)
+        self._fold()

@@ -9,8 +9,19 @@ import numpy as np
 import pyqtgraph as pg
 from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent, MouseDragEvent
 from PySide6 import QtWidgets
-from PySide6.QtCore import QEvent, QMargins, QPointF, QRectF, Qt, Signal, Slot
-from PySide6.QtGui import QAction, QActionGroup, QFontMetrics, QKeyEvent
+from PySide6.QtCore import QEvent, QPoint, QPointF, QRect, QRectF, QSize, Qt, Signal, Slot
+from PySide6.QtGui import (
+    QAction,
+    QActionGroup,
+    QFontMetrics,
+    QIcon,
+    QKeyEvent,
+    QPainter,
+    QPalette,
+    QPixmap,
+    QResizeEvent,
+)
+from PySide6.QtSvg import QSvgRenderer
 from sonarhw_compare.edits import Point
 from sonarhw_compare.pictures import points_at
 from sonarhw_compare.sound import counted_position
@@ -27,7 +38,7 @@ from sonarhw_gui.model.shown import NO_PROPOSAL, Parts, Shown, marked_parts
 from sonarhw_gui.model.theme import text_font
 from sonarhw_gui.views import base, plan_layers
 from sonarhw_gui.views.marks import NO_POSITIONS, Outline, OverlayMarks, ReadingMarks, reading_tip
-from sonarhw_gui.views.plan_tools import TOOLS, PlanController
+from sonarhw_gui.views.plan_tools import REMOVE, TOOLS, PlanController, Tool
 
 # The plan: the room to scale, predicted and measured points, the beam, and the rays of the selected reading.
 #
@@ -463,7 +474,7 @@ _TURNS = {"left": ("Shift+PgUp", 1), "right": ("Shift+PgDown", -1)}
 
 
 class PlanView(QtWidgets.QWidget):
-    """The plan with a row of tools above it."""
+    """The plan with a column of tools beside it."""
 
     entry = base.ViewEntry("Plan", "The room to scale", key="1", menu="Plan")
 
@@ -472,15 +483,29 @@ class PlanView(QtWidgets.QWidget):
         self.gestures = base.Gestures(self)
         self.drawing = view = PlanDrawing(self.gestures)
         self.tools = QActionGroup(self)
-        self.message = widgets.ElidedLabel()
         self.typed: TypedSurface | None = None  # the dialog for coordinates, opened last
-        view.message_changed.connect(self.message.setText)
-        widgets.arranged(QtWidgets.QVBoxLayout(self), self._bar(), view, rest=view)
+        widgets.arranged(QtWidgets.QHBoxLayout(self), self._bar(), view, rest=view)
+        self.message = widgets.ElidedLabel()  # over the free part of the lower axis, so that it moves nothing
+        self.message.setParent(view)
+        self.message.setAutoFillBackground(True)
+        self.message.setBackgroundRole(QPalette.ColorRole.Base)
+        self.message.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
+        view.message_changed.connect(self._show_message)
+        self._look: Look | None = None
         self._add_keys()
 
     def show_state(self, shown: Shown) -> None:
         """Draw the changes since the last call."""
         self.drawing.show_state(shown)
+        if shown.look is not self._look:
+            self._look = shown.look
+            for action in (*self.tools.actions(), self.remove):
+                action.setIcon(_icon(action.data(), shown.look, self.devicePixelRatioF()))
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Keep the message at the edge."""
+        super().resizeEvent(event)
+        self._show_message(self.message.text())
 
     def fit(self) -> None:
         """Show the whole room."""
@@ -491,23 +516,27 @@ class PlanView(QtWidgets.QWidget):
         return self.drawing
 
     def _bar(self) -> QtWidgets.QWidget:
-        bar, tools = QtWidgets.QWidget(), QtWidgets.QWidget()
-        buttons = widgets.FlowLayout(tools, QMargins(2, 2, 4, 2), gap=0)
+        bar = QtWidgets.QWidget()
         for tool in TOOLS:
-            action = base.view_action(self, tool.name, tool.key, tool.tip)
+            action = base.view_action(self, tool.name, tool.key, f"{tool.name}: {tool.tip}")
             action.setData(tool)
             self.tools.addAction(action)
         self.remove = self._action("Remove", "Del", "Remove the selected wall or post")
         self.remove.triggered.connect(self.drawing.controller.remove_chosen)
-        base.add_buttons(buttons, [*self.tools.actions(), self.remove])
-        message = widgets.LabelSlot(self.message)
-        message.setSizePolicy(
-            QtWidgets.QSizePolicy.Policy.Ignored, QtWidgets.QSizePolicy.Policy.Preferred
-        )  # the tools come first
-        widgets.arranged(QtWidgets.QHBoxLayout(bar), tools, message, rest=message, margins=(0, 0, 4, 0))
+        column = widgets.arranged(QtWidgets.QVBoxLayout(bar), margins=(2, 2, 0, 2))
+        base.add_buttons(column, [*self.tools.actions(), self.remove])
+        column.addStretch()
         self.tools.actions()[0].setChecked(True)
         self.tools.triggered.connect(self._set_tool)
         return bar
+
+    @Slot(str)
+    def _show_message(self, text: str) -> None:
+        self.message.setText(text)
+        self.message.setVisible(text != "")
+        plan, size = self.drawing.rect(), self.message.sizeHint()
+        size.setWidth(min(size.width(), plan.width()))
+        self.message.setGeometry(QRect(plan.bottomRight() - QPoint(size.width(), size.height()), size))
 
     def _add_keys(self) -> None:
         controller = self.drawing.controller
@@ -550,3 +579,19 @@ class PlanView(QtWidgets.QWidget):
     @Slot(QAction)
     def _set_tool(self, action: QAction) -> None:
         self.drawing.controller.set_tool(action.data())
+
+
+_ICON = 20  # pixels
+
+
+def _icon(tool: type[Tool] | None, look: Look, ratio: float) -> QIcon:
+    """Return the picture of a tool, or of the button that removes a wall or post."""
+    path = REMOVE if tool is None else tool.picture
+    drawing = f"<path d='{path}' fill='none' stroke='{look.palette.ink}' stroke-width='1.8' stroke-linejoin='round'/>"
+    svg = f"<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 24 24' stroke-linecap='round'>{drawing}</svg>"
+    picture = QPixmap(QSize(_ICON, _ICON) * ratio)
+    picture.fill(Qt.GlobalColor.transparent)
+    with QPainter(picture) as painter:
+        QSvgRenderer(svg.encode()).render(painter)
+    picture.setDevicePixelRatio(ratio)
+    return QIcon(picture)

@@ -75,6 +75,7 @@ class Tool:
     """A tool that uses no drag, so that every drag pans the plan."""
 
     name, key, tip = "", "", ""
+    picture = ""  # of its button: an SVG path in a square of 24 units
     shape = Qt.CursorShape.ArrowCursor
     can_edit = False  # whether it drags or adds walls and posts
     asks = False  # whether a click explains a heading
@@ -115,6 +116,7 @@ class Hand(Tool):
     """Moves and turns the sensor; any other drag pans."""
 
     name, key = "Hand", "H"
+    picture = "M12 3V21M3 12H21M9 6L12 3 15 6M9 18L12 21 15 18M6 9L3 12 6 15M18 9L21 12 18 15"
     tip = "Drag the sensor or the handle on its beam. Drag elsewhere to pan. Click a reading to select it"
 
     def __init__(self, context: "PlanController") -> None:
@@ -160,6 +162,7 @@ class Asker(Tool):
     """Turns the beam to any heading and explains it; the turntable stays."""
 
     name, key = "Ask", "Q"
+    picture = "M9 9A3 3 0 1 1 13.4 12.2Q12 13 12 15M12 18.4V18.6M12 3A9 9 0 1 0 12 21 9 9 0 1 0 12 3"
     tip = "Click or drag to explain any heading without a scan; [ and ] turn by 1°. Esc returns to the readings"
     shape = Qt.CursorShape.CrossCursor
     asks = True
@@ -178,6 +181,7 @@ class Pencil(Hand):
     """Also moves corners, walls and posts."""
 
     name, key = "Edit", "E"
+    picture = "M4 20L5.2 15 16 4.2 19.8 8 9 18.8ZM13.4 6.8L17.2 10.6"
     tip = "Drag corners, walls, posts or rims. Click to select, Del to remove, double-click a wall to add a corner"
     can_edit = True
 
@@ -200,6 +204,7 @@ class Ruler(Tool):
     """Measures distance and angle."""
 
     name, key = "Ruler", "M"
+    picture = "M3.5 15.5L15.5 3.5 20.5 8.5 8.5 20.5ZM6.5 12.5L8.5 14.5M9.5 9.5L12 12M12.5 6.5L14.5 8.5"
     tip = "Drag from one point to another to measure distance and angle. Ends snap to corners and to the sensor"
     shape = Qt.CursorShape.CrossCursor
 
@@ -220,6 +225,7 @@ class WallPencil(Tool):
     """Adds a wall. The prediction is updated during the drag."""
 
     name, key = "Wall", "W"
+    picture = "M6.5 17.5L17.5 6.5M3 19A2 2 0 1 0 7 19 2 2 0 1 0 3 19M17 5A2 2 0 1 0 21 5 2 2 0 1 0 17 5"
     tip = "Click each corner of new walls; Esc ends. Or drag from one end of a wall to the other. Ends snap to corners"
     shape = Qt.CursorShape.CrossCursor
     can_edit = True
@@ -299,6 +305,7 @@ class PostPencil(WallPencil):
     """Adds a post, by its centre and a point of its rim."""
 
     name, key = "Post", "P"
+    picture = "M12 5A7 7 0 1 0 12 19 7 7 0 1 0 12 5M12 11.8V12.2"
     tip = "Drag from the centre of a new post to its rim, or click both"
     stem, chains = POST, False
 
@@ -309,6 +316,7 @@ class PostPencil(WallPencil):
         return f"radius {self._context.shown.look.unit.text(math.dist(self._start, end))}"
 
 
+REMOVE = "M5 7H19M9.5 7V4H14.5V7M7 7L8 20H16L17 7M10.3 10.5V16.5M13.7 10.5V16.5"  # the picture of its button
 TOOLS = (Hand, Asker, Ruler, Pencil, WallPencil, PostPencil)
 
 

@@ -1,12 +1,10 @@
 """The view "Readings": a table to sort, filter by class, by text and by notes, and copy as CSV."""
 
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
 from PySide6 import QtCore, QtGui, QtWidgets
-from sonarhw_compare.match import Kind
 
 from sonarhw.errors import counted
 from sonarhw_gui.jobs.forecast import IntArray
@@ -27,8 +25,8 @@ from sonarhw_gui.model.scene import NO_NOTES
 from sonarhw_gui.model.shown import Shown
 from sonarhw_gui.model.theme import text_font
 from sonarhw_gui.views.base import Gestures, ViewEntry
-from sonarhw_gui.views.legend import SWITCH_SIZE, mark_picture, no_picture, switch_picture
-from sonarhw_gui.widgets import FlowLayout, arranged, plain_tip
+from sonarhw_gui.views.legend import mark_picture
+from sonarhw_gui.widgets import arranged, plain_tip
 
 # The Qt model of the table of readings.
 #
@@ -188,14 +186,12 @@ _LEAST = {
     Column.PATH: "north>pillar",
     Column.SENTENCE: "0.827 m at 270.0°: three reflections",
 }
-_PLURAL: dict[Class, str] = {Kind.MATCH: "matches"}  # for screen readers: "matches: 64"
 _USUAL_PATH = "bottom>top>bottom"
 _HIDDEN_FIRST = Column.SENTENCE, Column.PREDICTED, Column.NUMBER  # in a narrow table
 _MARK = 20  # pixels, mark of a class with the gap before the name
 _BESIDE = 12  # pixels, margins
 _ARROW = 14  # pixels, sort indicator in the header
 _LEAST_WORDS = 70  # pixels, of the field for words
-_MANY = 360  # readings
 _SELECT = QtCore.QItemSelectionModel.SelectionFlag.ClearAndSelect | QtCore.QItemSelectionModel.SelectionFlag.Rows
 
 
@@ -242,7 +238,6 @@ class TableView(QtWidgets.QWidget):
         )
         self.words.setMinimumWidth(_LEAST_WORDS)
         self.words.setToolTip("Show only readings whose path, heading, class and note contain all these words")
-        self.classes = {kind: self._made_button(kind) for kind in CLASSES}
         self.noted = QtWidgets.QToolButton(autoRaise=True)
         self.noted.setCheckable(True)
         self.noted.hide()
@@ -253,14 +248,10 @@ class TableView(QtWidgets.QWidget):
         copy.triggered.connect(self.copy_rows)
         self.copy.setDefaultAction(copy)
         self.addAction(copy)
-        switches = QtWidgets.QWidget()
-        flow = FlowLayout(switches, QtCore.QMargins(0, 0, 0, 0), gap=2)
-        for button in (*self.classes.values(), self.noted):
-            flow.addWidget(button)
         self.words.setSizePolicy(
             QtWidgets.QSizePolicy.Policy.Ignored, QtWidgets.QSizePolicy.Policy.Fixed
-        )  # the switches come first
-        parts = switches, self.words, self.copy
+        )  # the buttons come first
+        parts = self.noted, self.words, self.copy
         bar = arranged(QtWidgets.QHBoxLayout(), *parts, rest=self.words, margins=(6, 2, 6, 2), gap=2)
         arranged(QtWidgets.QVBoxLayout(self), bar, self.view)
         self._connect()
@@ -271,19 +262,14 @@ class TableView(QtWidgets.QWidget):
         if shown.changed_since(before, lambda new: (new.look,)):
             self._set_look(shown)
         if before is not None and before.hidden is not shown.hidden:
-            self._draw_switches(shown)
             self._filter()
         self._following = True  # added or removed rows move the selection; the user has picked nothing
         self.model.show_state(shown)
         self._following = False
-        if not shown.same_readings(before):
-            self._count(shown)
         if shown.changed_since(before, lambda new: (new.notes,)):
             self._count_notes(shown)
         if before is None or _width_inputs(before) != _width_inputs(shown):
             self._widen_columns(shown)
-        if shown.changed_since(before, lambda new: (new.outdated, new.look)):
-            self._fade_counts(shown)
         self._follow(shown.chosen)
         self.view.lay_out()
 
@@ -320,15 +306,6 @@ class TableView(QtWidgets.QWidget):
         view.setSortingEnabled(True)
         return view
 
-    def _made_button(self, kind: Class) -> QtWidgets.QToolButton:
-        button = QtWidgets.QToolButton(autoRaise=True)
-        button.hide()  # until there are such readings
-        button.setToolButtonStyle(QtCore.Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
-        meaning = MARKS[kind].meaning if kind in MARKS else "neither measured nor predicted"
-        button.setToolTip(f"{class_name(kind)}: {meaning}. Click to hide or show these readings in all views")
-        button.clicked.connect(partial(self._switch, kind))
-        return button
-
     def _connect(self) -> None:
         self.view.selectionModel().currentRowChanged.connect(self._row_changed)
         self.view.clicked.connect(self._pick)
@@ -351,24 +328,6 @@ class TableView(QtWidgets.QWidget):
             self.view.setColumnWidth(column, self._needed(shown, column))
         self._path_width = metrics.horizontalAdvance(_USUAL_PATH) + _BESIDE
         self.noted.setFont(font)
-        for button in self.classes.values():
-            button.setFont(font)
-            button.setIconSize(SWITCH_SIZE)
-        self._draw_switches(shown)
-
-    def _draw_switches(self, shown: Shown) -> None:
-        for kind, button in self.classes.items():
-            mark = partial(mark_picture, kind) if kind in MARKS else no_picture
-            button.setIcon(
-                QtGui.QIcon(
-                    switch_picture(mark, shown.look.palette, self.devicePixelRatioF(), kind not in shown.hidden)
-                )
-            )
-            button.setFixedSize(button.sizeHint())
-
-    def _switch(self, kind: Class) -> None:
-        if self._shown is not None:
-            self.gestures.switched.emit(kind, kind in self._shown.hidden)
 
     def _widen_columns(self, shown: Shown) -> None:
         """Widen the columns for longer numbers and class names."""
@@ -412,15 +371,6 @@ class TableView(QtWidgets.QWidget):
                 self.view.setColumnWidth(which, self._needed(self._shown, which))
             self._choose_columns()
 
-    def _count(self, shown: Shown) -> None:
-        for kind, count in self.model.rows.counts().items():
-            button = self.classes[kind]
-            button.setText(f"{count} {class_name(kind)}")
-            button.setAccessibleName(f"{_PLURAL.get(kind, class_name(kind))}: {count}")
-            button.setFixedSize(button.sizeHint())  # otherwise each count triggers a new layout of the window
-            least = _MANY if kind is Unclassed.WAITING else 0  # a few are compared within a moment
-            button.setVisible(count > least or kind in shown.hidden)
-
     def _count_notes(self, shown: Shown) -> None:
         count = len(shown.notes)
         self.noted.setText(counted(count, "note"))
@@ -429,14 +379,6 @@ class TableView(QtWidgets.QWidget):
         self.noted.setVisible(count > 0)
         if not count:
             self.noted.setChecked(False)  # otherwise no reading would be listed
-
-    def _fade_counts(self, shown: Shown) -> None:
-        """Show the counts in grey while they belong to an older prediction."""
-        colours = QtGui.QPalette()
-        if shown.outdated:
-            colours.setColor(QtGui.QPalette.ColorRole.ButtonText, shown.look.palette.faint)
-        for button in self.classes.values():
-            button.setPalette(colours)
 
     @QtCore.Slot()
     def _filter(self) -> None:

@@ -42,8 +42,8 @@ def tab_stops(window: MainWindow) -> list[QWidget]:
 
 
 def test_every_tab_stop_has_a_name_every_key_one_meaning_and_one_dialog_is_open_at_a_time(window: MainWindow) -> None:
-    classes = window.views.table.classes.values()
-    until(lambda: any(spoken_name(button).startswith("matches: 3") for button in classes))
+    matches = window.legend.entries[Kind.MATCH]
+    until(lambda: spoken_name(matches).startswith("3") and spoken_name(matches).endswith(" match, shown"))
     keys = [each.toString() for action in window.findChildren(QAction) for each in action.shortcuts()]
     assert sorted(keys) == sorted(set(keys))
     opening = [action for action in window.findChildren(QAction) if action.text().endswith("…") and action.isEnabled()]
@@ -219,7 +219,8 @@ def test_title_legend_table_tooltip_and_hint_name_the_origin_of_the_readings(
     open_with: OpenWith, recorded: Path, tmp_path: Path
 ) -> None:
     def legend(window: MainWindow) -> set[str]:
-        return {entry.text() for entry in window.legend.entries.values()}
+        entries = window.legend.entries.values()
+        return {entry.text().lstrip("0123456789 ") for entry in entries if entry not in window.legend.unused}
 
     def never() -> Scanner:
         raise AssertionError("nothing connects")
@@ -227,7 +228,7 @@ def test_title_legend_table_tooltip_and_hint_name_the_origin_of_the_readings(
     simulated = tmp_path / "simulated.mcap"
     assert run(["simulate", str(ROOM), "--place", "figure9", "--step", "30", "--out", str(simulated)]) == 0
     window = open_with(source=never, url="fake:simple?place=figure9")
-    assert {"match", "trace"} <= legend(window)
+    assert {"trace", "predicted"} <= legend(window)
     assert "none yet" in window.hint.labels[0].text()
     for path, origin, count in ((simulated, "simulated", 12), (recorded, "fake", ORDER.readings)):
         window.session.show_log(read_log(path), path.name, path)
