@@ -323,6 +323,8 @@ class Legend(QWidget):
     def _fold(self) -> None:
         """Show the entries in use that fit into one line, and all of them once `more` is pressed."""
         entries = [*self.entries.values(), *self.explained.values()]
+        for entry in entries:
+            entry.setFixedSize(entry.sizeHint())  # otherwise each count triggers a new layout of the window
         used = [entry for entry in entries if entry not in self.unused]
         line = self._fitting(used) if self._switches else len(used)
         shown = len(used) if self.more.isChecked() else line
@@ -385,7 +387,6 @@ class Legend(QWidget):
             name, visible = _ENTRIES[layer].name.replace(ORIGIN, self._origin), layer not in self._hidden
             button.setText(name if isinstance(layer, ViewLayer) else f"{self._counts[layer]} {name}")
             button.setAccessibleName(f"{button.text()}, {'shown' if visible else 'hidden'}")
-            button.setFixedSize(button.sizeHint())  # otherwise each count triggers a new layout of the window
             colours = QPalette()
             if not visible or (self._outdated and not isinstance(layer, ViewLayer)):
                 colours.setColor(QPalette.ColorRole.ButtonText, QColor(self._palette.faint))

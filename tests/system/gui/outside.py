@@ -28,7 +28,7 @@ _PLAN_SHARE = 0.5  # share of the window's width
 _INSIDE_A_MARK = np.ones((5, 5))
 _DIAMOND = np.add.outer(abs(np.arange(-4, 5)), abs(np.arange(-4, 5))) <= 4
 _AROUND = (-9, 0), (-6, 6), (0, 9), (6, 6), (9, 0), (6, -6), (0, -9), (-6, -6)
-_IN_A_VIEW = 3  # pixels from the left
+_IN_A_VIEW = 34  # pixels from the left, right of the tools
 
 
 def awaited(observe: Callable[[], Seen], what: str) -> Seen:

@@ -323,7 +323,7 @@ def test_keys_change_palette_unit_text_size_and_large_view(window: MainWindow) -
     key(window, "Ctrl+D")
     assert session.shown.look.palette is DARK
     assert share_of(window, DARK.paper) > 0.3
-    assert share_of(window, LIGHT.paper) < 0.05  # the selection is white
+    until(lambda: share_of(window, LIGHT.paper) < 0.05)  # the selection is white
     key(window, "Ctrl+D")
     assert share_of(window, LIGHT.paper) > 0.3
     for pressed, unit in (("Ctrl+2", LengthUnit.CM), ("Ctrl+3", LengthUnit.FT), ("Ctrl+1", LengthUnit.M)):
