@@ -38,7 +38,7 @@ from sonarhw.wire.limits import MAX_TEXT
 from sonarhw.wire.messages import MOST_DEGREES
 
 MOST_ANGLE = math.radians(MOST_DEGREES)
-MOST_TEMPERATURE = 327.0  # °C, either sign
+LEAST_TEMPERATURE, MOST_TEMPERATURE = -100.0, 327.0  # °C; of air, and of what a frame can hold
 _MOST_TIME = 1e13  # s
 
 
@@ -62,8 +62,9 @@ def _fault_of(item: object) -> str | None:
             return f"measurements with an angle beyond {MOST_DEGREES} degrees, or not finite"
         if not all(map(math.isfinite, item.ranges)):
             return "measurements with a range that is not finite"
-        if not abs(item.temperature_c or 0.0) <= MOST_TEMPERATURE:
-            return f"measurements with a temperature beyond {MOST_TEMPERATURE:g} °C, or not finite"
+        if not LEAST_TEMPERATURE <= (item.temperature_c or 0.0) <= MOST_TEMPERATURE:
+            limits = f"{LEAST_TEMPERATURE:g} to {MOST_TEMPERATURE:g} °C"
+            return f"measurements with a temperature outside {limits}, or not finite"
         if not abs(item.time or 0.0) <= _MOST_TIME:
             return "measurements with an impossible time"
         _as_numbers(item)
@@ -465,14 +466,13 @@ def _end(process: "subprocess.Popen[bytes]") -> None:
     assert process.stdin is not None
     with suppress(OSError):
         process.stdin.close()
-    try:
+    with suppress(subprocess.TimeoutExpired):
         process.wait(_END_WITHIN)
-    except subprocess.TimeoutExpired:
-        if sys.platform == "win32":
-            process.kill()
-        else:
-            with suppress(ProcessLookupError):
-                os.killpg(process.pid, signal.SIGKILL)  # what the plug-in has started too
+    if sys.platform == "win32":
+        process.kill()
+    else:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)  # what the plug-in has started too
 
 
 def serve_plugin() -> None:

@@ -4,6 +4,7 @@ import errno
 import importlib
 import json
 import math
+import os
 import random
 import subprocess
 import sys
@@ -17,6 +18,7 @@ from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
+from sonarhw_compare.scanner_url import open_scanner
 
 from sonarhw.errors import DeviceError, InputError, LinkLost
 from sonarhw.host.scanner import Scanner
@@ -31,7 +33,7 @@ from tests.checkout import CHECKOUT
 from tests.fixtures import commands
 from tests.fixtures.example_logs import METADATA
 from tests.fixtures.text_devices.mcap_bytes import received_bytes
-from tests.hang_guard import HANG
+from tests.hang_guard import HANG, wait_until
 
 EXAMPLE = CHECKOUT / "tests" / "fixtures" / "example_plugin"
 
@@ -245,6 +247,43 @@ def test_a_defect_of_a_plugin_is_one_line(where: str, message: str) -> None:
     assert type(raised.value.__cause__).__name__ == message.partition(":")[0]
 
 
+class Starter(DevicePlugin):
+    """A device that starts a process of its own, and leaves it behind."""
+
+    identity = DeviceIdentity("starter")
+
+    def open(self) -> None:
+        """Start a process that never ends, and write its number to the file of the URL."""
+        process = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(1e6)"])
+        Path(self.url.partition(":")[2]).write_text(str(process.pid))
+
+    def read(self) -> list[Measurement]:
+        """Return a measurement."""
+        time.sleep(0.001)
+        return [Measurement(0.0, (1.0,))]
+
+    def close(self) -> None:
+        """Leave the process behind."""
+
+
+def test_what_a_plugin_has_started_ends_with_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(device_plugin, "_END_WITHIN", HANG)  # the plug-in itself ends without a signal
+    entry = EntryPoint("starter", f"{__name__}:Starter", device_plugin.GROUP)
+    monkeypatch.setattr(device_plugin, "_installed", lambda: {"starter": (entry,)})
+    with open_scanner(f"starter:{tmp_path / 'started'}"):
+        started = int((tmp_path / "started").read_text())
+        os.kill(started, 0)
+    wait_until(lambda: _has_ended(started))
+
+
+def _has_ended(process: int) -> bool:
+    state = subprocess.run(["ps", "-o", "state=", "-p", str(process)], capture_output=True, text=True, check=False)
+    return state.stdout.strip() in ("", "Z")  # a zombie waits for whoever adopted it
+
+
+_TEMPERATURE = "measurements with a temperature outside -100 to 327 °C, or not finite"
+
+
 class Spoiled(DevicePlugin):
     """A device that swings over 10°, with a bad item after each good measurement."""
 
@@ -271,7 +310,8 @@ class Spoiled(DevicePlugin):
     [
         ("90,23", "objects of the type str instead of Measurement"),
         (None, "objects of the type NoneType instead of Measurement"),
-        (Measurement(0.0, (1.0,), temperature_c=400.0), "measurements with a temperature beyond 327 °C, or not finite"),
+        (Measurement(0.0, (1.0,), temperature_c=400.0), _TEMPERATURE),
+        (Measurement(0.0, (1.0,), temperature_c=-300.0), _TEMPERATURE),
         (Measurement(math.nan, (1.0,)), "measurements with an angle beyond 2147 degrees, or not finite"),
         (Measurement(0.0, (math.inf,)), "measurements with a range that is not finite"),
         (Measurement(0.0, (1.0,), time=math.nan), "measurements with an impossible time"),
