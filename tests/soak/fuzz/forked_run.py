@@ -21,11 +21,12 @@ from tests.soak.fuzz.command_lines import Case
 from tests.soak.fuzz.foreign_files import EXECUTED
 
 PROCESSOR, SLOW_PROCESSOR = 10, 180  # s, for one command
-MEMORY = 1 << 30  # bytes, of one command
+MEMORY = 1 << 30  # bytes, of one command, besides what is loaded before it
 _UNTIL_STOPPED = 0.3  # s before an endless command is stopped, if it prints nothing
 _STATUSES = (0, 1, 2, 130)
 _CRASHED = 70
-_BUSY = 0.01  # share of a core that a command uses at least while it computes, also on a loaded machine
+_BUSY = 0.002  # share of a core that a command uses at least while it computes, also on a loaded machine
+_ENDLESS = 10 * HANG  # s; no command takes so long, even then
 _OUT, _ERR = ".stdout", ".stderr"
 _LINES = re.compile(r"sonarhw: .*\n")
 _WARNINGS = re.compile(r"((sonarhw: warning|ignored|--place .*): .*\n|the unit is assumed.*\n)*")  # and notes
@@ -70,7 +71,7 @@ def _run(case: Case, folder: Path) -> Ended:
         if case.endless and not stopped and (passed > _UNTIL_STOPPED or _size(folder / _OUT)):
             os.kill(child, signal.SIGTERM)
             stopped = True
-        if passed > HANG and _processor_time(child) < _BUSY * passed:
+        if passed > HANG and (passed > _ENDLESS or _processor_time(child) < _BUSY * passed):
             waited = True
             os.kill(child, signal.SIGKILL)
         time.sleep(0.005)
@@ -89,7 +90,7 @@ def _child(case: Case, folder: Path) -> int:
     sys.stdin, sys.stdout, sys.stderr = sys.__stdin__, sys.__stdout__, sys.__stderr__
     seconds = SLOW_PROCESSOR if case.slow else PROCESSOR
     resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 2))
-    resource.setrlimit(resource.RLIMIT_AS, (_virtual() + MEMORY, _virtual() + MEMORY))
+    resource.setrlimit(resource.RLIMIT_AS, (_pages(0) + MEMORY, _pages(0) + MEMORY))
     resource.setrlimit(resource.RLIMIT_FSIZE, (1 << 28, 1 << 28))
     try:
         return run(case.arguments)
@@ -108,9 +109,9 @@ def _processor_time(process: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def _virtual() -> int:
-    pages = int(Path("/proc/self/statm").read_text().split()[0])
-    return pages * resource.getpagesize()
+def _pages(column: int) -> int:
+    """Return the size of this process in bytes: virtual (column 0) or resident (1)."""
+    return int(Path("/proc/self/statm").read_text().split()[column]) * resource.getpagesize()
 
 
 def _size(path: Path) -> int:
@@ -137,7 +138,7 @@ def _faults(case: Case, ended: Ended) -> Iterator[str]:
         yield f"is stopped after {ended.seconds:.0f} s of processor time"
     elif ended.status not in (*_STATUSES, *((-signal.SIGTERM,) if case.endless else ())):
         yield f"exit status {ended.status}"
-    if ended.memory > MEMORY:
+    if ended.memory > MEMORY + _pages(1):
         yield f"needs {ended.memory / 1e9:.1f} GB"
     if found := _PYTHON.search(ended.error):
         yield f"prints {found[0]!r}"

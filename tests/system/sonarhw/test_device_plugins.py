@@ -269,7 +269,7 @@ class Starter(DevicePlugin):
 def test_what_a_plugin_has_started_ends_with_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(device_plugin, "_END_WITHIN", HANG)  # the plug-in itself ends without a signal
     entry = EntryPoint("starter", f"{__name__}:Starter", device_plugin.GROUP)
-    monkeypatch.setattr(device_plugin, "_installed", lambda: {"starter": (entry,)})
+    monkeypatch.setattr(device_plugin, "installed_plugins", lambda: {"starter": (entry,)})
     with open_scanner(f"starter:{tmp_path / 'started'}"):
         started = int((tmp_path / "started").read_text())
         os.kill(started, 0)
