@@ -1,7 +1,8 @@
 """Rooms from the scans of each sensor at written positions: `python -m benchmarks.real.mapped_sensors [FOLDER]`.
 
 Finds the arena from one scan of each sensor at each place. Positions are known within 3 cm, headings are unknown, the
-profile is the generic one. With `--known`, headings are known within 5°, as by `locate`. Printed are the walls of the
+profile is the generic one. With `--known`, headings are known within 5°, as by `locate`. `--quick` and `--thorough` are
+the other levels of effort. Printed are the walls of the
 arena that are found within 3 cm and 2°, the number of other walls, the verdict, and the processor and elapsed time.
 Last come the shares of the 95 % intervals of right walls that hold the true offset and direction.
 """
@@ -14,6 +15,8 @@ from collections.abc import Sequence
 import numpy as np
 from sonarhw_compare.edits import Z95
 from sonarhw_compare.locate import PoseSpread
+from sonarhw_compare.rooms.effort import Effort
+from sonarhw_compare.rooms.evidence import Course
 from sonarhw_compare.rooms.outcome import verdict_of
 from sonarhw_compare.rooms.refinement import Move
 from sonarhw_compare.rooms.search import FoundRoom, find_room_and_poses
@@ -34,13 +37,16 @@ def main() -> None:
         "Rooms from the scans of each sensor at written positions.",
         sensors=True,
         known="headings are known within 5°",
+        quick="search quickly",
+        thorough="search thoroughly",
     )
+    effort = Effort.QUICK if chosen.quick else Effort.THOROUGH if chosen.thorough else Effort.NORMAL
     teams: dict[str, list[RealScan]] = {}
     for sensor, scans in load_sensors(chosen.folder).items():
         spots = {scan.spot: scan for scan in reversed(scans)}  # the first one at each place
         teams.setdefault(SAME_TEAM.get(sensor, sensor), []).extend(reversed(spots.values()))
     tested = chosen.sensors.split(",") if chosen.sensors else list(teams)
-    held = [print_room(sensor, teams[sensor], chosen.known) for sensor in tested]
+    held = [print_room(sensor, teams[sensor], chosen.known, effort) for sensor in tested]
     offsets, turns = (np.concatenate(several) for several in zip(*held, strict=True))
     print(
         f"95 % intervals of {len(offsets)} right walls hold {offsets.mean():.2f} of the offsets, "
@@ -48,11 +54,14 @@ def main() -> None:
     )
 
 
-def print_room(sensor: str, scans: Sequence[RealScan], known: bool) -> tuple[FloatArray, FloatArray]:
+def print_room(
+    sensor: str, scans: Sequence[RealScan], known: bool, effort: Effort
+) -> tuple[FloatArray, FloatArray]:
     """Print the room of a sensor; return whether the intervals of its right walls hold offset and direction, (w,)."""
     placed = [at_mark(scan, nearest_pose(scan).heading if known else 0.0) for scan in scans]
     begin, spent = time.perf_counter(), sum(os.times()[:4])
-    found = find_room_and_poses(placed, load_board("lego-nxt"), ROOM.air, [KNOWN if known else WRITTEN] * len(placed))
+    spreads = [KNOWN if known else WRITTEN] * len(placed)
+    found = find_room_and_poses(placed, load_board("lego-nxt"), ROOM.air, spreads, course=Course(effort=effort))
     names, verdict = wall_names(found.draft.segments), verdict_of(found)
     right = sorted({name for name in names if name})
     print(

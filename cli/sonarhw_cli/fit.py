@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 from sonarhw_compare.fit.quantities import QUANTITIES, ROOM_TOLERANCE, BoardQuantity, words_of
 from sonarhw_compare.picture_file import PICTURES
+from sonarhw_compare.rooms.effort import Effort
 from sonarhw_sim.air import Model
 
 from sonarhw.errors import InputError, counted
@@ -405,6 +406,10 @@ MapFiles = Annotated[
     ),
 ]
 PlanNext = Annotated[bool, typer.Option("--next", help="Find the room, and where to scan next to learn most about it.")]
+EffortOfMap = Annotated[
+    Effort | None,
+    typer.Option(help="Find the room: quick and rough, normal (default), or thorough. Quick implies --next."),
+]
 
 
 def map_logs(
@@ -417,6 +422,7 @@ def map_logs(
     poses_file: PosesFile = None,
     out: MapFiles = None,
     plan_next: PlanNext = False,
+    effort: EffortOfMap = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print walls, corners and edges as JSON.")] = False,
     anyway: Annotated[bool, typer.Option("--anyway", help="Also write what is probably not a room.")] = False,
     force: options.Force = False,
@@ -432,7 +438,7 @@ def map_logs(
     is probably not a room, no file is written, and the exit status is 1; --anyway writes it.
     """
     files = _outputs(out or [], force, room_name, board, poses_file, *log_files)
-    found_for = _option_that_finds(files, plan_next)
+    found_for = _option_that_finds(files, plan_next, effort)
     if found_for and room_name:
         raise InputError(f"{found_for}, --room {room_name}: a room is found, or given; give only one of them")
     room = None if room_name is None else open_room(room_name)
@@ -452,6 +458,7 @@ def map_logs(
             offset=offset,
             find=bool(found_for),
             plan_next=plan_next,
+            effort=effort or Effort.NORMAL,
             progress=show,
             warn=options.warn,
         )
@@ -481,11 +488,11 @@ def _outputs(out: Sequence[Path], force: bool, *inputs: str | Path | None) -> di
     return files
 
 
-def _option_that_finds(files: dict[str, Path], plan_next: bool) -> str:
+def _option_that_finds(files: dict[str, Path], plan_next: bool, effort: Effort | None) -> str:
     """Return the option that needs a found room, such as `--out FILE`; empty if none does."""
     if file := files.get("room") or files.get("report"):
         return f"--out {file}"
-    return "--next" if plan_next else ""
+    return "--next" if plan_next else f"--effort {effort}" if effort else ""
 
 
 def _write(files: dict[str, Path], mapped: "MappedScans", force: bool) -> None:

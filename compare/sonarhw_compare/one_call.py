@@ -28,6 +28,7 @@ from sonarhw.log import Log, LogMetadata
 from sonarhw.readings import Reading, ScanOrder, sector
 from sonarhw.sound_speed import ScanAir
 from sonarhw.wire.messages import seconds_of
+from sonarhw_compare.rooms.effort import Effort
 from sonarhw_compare.scanner_url import check_turns, open_scanner
 from sonarhw_compare.scans import (
     BoardInput,
@@ -517,6 +518,7 @@ def track(
     offset=arguments.number(unit="m"),
     find=arguments.flag,
     plan_next=arguments.flag,
+    effort=arguments.choice(Effort),
     progress=arguments.function,
     warn=arguments.function,
 )
@@ -530,6 +532,7 @@ def map_room(
     offset: float = 0.0,
     find: bool = False,
     plan_next: bool = False,
+    effort: Effort = Effort.NORMAL,
     progress: "Progress" = _silent,
     warn: Warn = emit,
 ) -> "MappedScans":
@@ -538,12 +541,14 @@ def map_room(
     Scans, room and board are given as in `compare`. `places` (one for each scan) are by default those of the logs;
     `poses` is a table of all of them, some uncertain or unknown, as for `sonarhw map`. Sound is followed in the given
     or found room, else in one of the walls found. `offset` (m) is added to every measured range. With `plan_next`, the
-    places to scan next are found. `progress` receives the completed share and the name of the present step. Raises
-    InputError.
+    places to scan next are found. A quick `effort` gives a rough room, and the places to scan next. `progress` receives
+    the completed share and the name of the present step. Raises InputError.
     """
     from sonarhw_compare.map import map_scans
     from sonarhw_compare.rooms.outcome import MappedScans
 
+    if find and effort is Effort.QUICK:
+        plan_next = True
     find = find or plan_next
     if find and room is not None:
         raise InputError("a room is found, or given; give only one of them")
@@ -559,7 +564,7 @@ def map_room(
             "or find them with the room"
         )
     moved = replace(profile, range_offset=profile.range_offset - offset)
-    room_found = _room_of_scans(placed, moved, given[0], spreads, plan_next, progress) if find else None
+    room_found = _room_of_scans(placed, moved, given[0], spreads, effort, plan_next, progress) if find else None
     if room_found is not None:
         followed, moved, placed = room_found.room, room_found.board, room_found.found.scans
     mapped = map_scans(placed, moved, followed, lambda share: progress(share, "mapping"))
@@ -574,24 +579,22 @@ def _room_of_scans(
     board: Board,
     first: GivenScan,
     spreads: "Sequence[PoseSpread]",
+    effort: Effort,
     plan_next: bool,
     progress: "Progress",
 ) -> "RoomOfScans":
     """Return the room that scans show, with the places to scan next if wanted."""
-    from sonarhw_compare.rooms.evidence import as_found
+    from sonarhw_compare.rooms.evidence import Course, as_found
     from sonarhw_compare.rooms.outcome import RoomOfScans, found_room, next_places
     from sonarhw_compare.rooms.search import find_room_and_poses
 
     recorded = first.recorded_room
     air = Air() if recorded is None else recorded.air
     found_room_and_poses = find_room_and_poses(
-        scans, board, air, spreads, lambda share: progress(share, "finding the room")
+        scans, board, air, spreads, lambda share: progress(share, "finding the room"), Course(effort=effort)
     )
-    room, board_as_found, nexts = (
-        found_room(found_room_and_poses, board),
-        as_found(board, found_room_and_poses.draft),
-        None,
-    )
+    room = found_room(found_room_and_poses, board)
+    board_as_found, nexts = as_found(board, found_room_and_poses.draft), None
     if plan_next:
         nexts = next_places(
             found_room_and_poses, room, board_as_found, tick=lambda share: progress(share, "planning the next scan")

@@ -371,7 +371,7 @@ class Touches:
     posts: tuple[int, ...]  # number of touches of each post
     echoes: tuple[int, ...]  # by scan: their number
     unexplained: tuple[int, ...]  # by scan: number of echoes without a path
-    seen: dict[int, int] = field(default_factory=dict)  # by key: number of scans with an echo of the wall
+    seen: dict[int, frozenset[int]] = field(default_factory=dict)  # by key: scans with an echo of the wall
 
 
 def touches_of(evidence: Evidence, draft: RoomDraft) -> Touches:
@@ -402,7 +402,7 @@ def touches_of(evidence: Evidence, draft: RoomDraft) -> Touches:
         tuple(posts),
         tuple(echoes),
         tuple(unexplained),
-        {key: len(scans) for key, scans in seen.items()},
+        {key: frozenset(scans) for key, scans in seen.items()},
     )
 
 

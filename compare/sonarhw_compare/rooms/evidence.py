@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import Any, TypeVar
 
@@ -19,8 +20,10 @@ from sonarhw_compare.fit.parameters import Parameter
 from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_compare.locate import PoseSpread
 from sonarhw_compare.processes import LateProcesses
+from sonarhw_compare.regions import mean_run
 from sonarhw_compare.rooms import draft as right_angles
 from sonarhw_compare.rooms.draft import DraftPost, DraftWall, RoomDraft
+from sonarhw_compare.rooms.effort import Effort
 
 # Progress of a search whose number of steps is unknown.
 
@@ -68,6 +71,7 @@ class SearchProgress:
 
 
 FOLLOWED = PredictionOptions(rays=720, max_bounces=5)  # few rays, because every trial searches all paths
+FOLLOWED_QUICKLY = PredictionOptions(rays=360, max_bounces=2)
 # later echoes come by more reflections; without their paths, a wrong room can be more likely than the true one
 FOLLOWED_LATER = PredictionOptions(rays=720, max_bounces=8)
 # in a known room: an echo that it explains by many reflections would else speak for objects that do not exist
@@ -95,6 +99,7 @@ class Course:
     refused: tuple[DraftWall | DraftPost, ...] = ()  # not found again
     accepted: Callable[[RoomDraft], None] | None = None  # receives each draft with which the search goes on
     likely: RoomDraft | None = None  # where the search begins a second time, with the places of these scans
+    effort: Effort = Effort.NORMAL
 
     def refusing(self, wall: DraftWall) -> "Course":
         """Return the course of a search that does not find this wall again."""
@@ -214,6 +219,17 @@ class Evidence:
     def has_free_headings(self) -> bool:
         """Whether the heading of any scan is uncertain."""
         return any(spread.heading > 0 for spread in self.spreads)
+
+    @cached_property
+    def redundancy(self) -> float:
+        """How many neighbouring readings have their error in common, if the profile states spreads; else 1.
+
+        The readings of a real sensor on one wall are all too long or too short, those of a random error are not.
+        """
+        if not self.board.states_spread:
+            return 1.0
+        arrays = [problem.scans[0] for problem in self.problems]
+        return float(np.mean([mean_run(of_scan.angles, of_scan.ranges[:, 0]) for of_scan in arrays]))
 
     def log_prior(self, draft: RoomDraft) -> float:
         """Return the logarithm of the prior of directions, places and sensor; 0 where they are as expected."""
@@ -365,14 +381,16 @@ def evidence_of(
     """Return scans from places with these spreads as evidence, without readings of the carrier's own body.
 
     Likelihoods are those of this prediction, by default of one that follows more reflections if readings have several
-    echoes.
+    echoes, and few in a quick search.
     """
+    course, progress = course or Course(), progress or SearchProgress()
     scans = [replace(scan, readings=without_own_body(board.own_body, scan.readings)) for scan in scans]
     several = any(len(reading.echo_times) > 1 for scan in scans for reading in scan.readings)
-    prediction = prediction or (FOLLOWED_LATER if several else FOLLOWED)
+    if prediction is None:
+        is_quick = course.effort is Effort.QUICK
+        prediction = FOLLOWED_QUICKLY if is_quick else FOLLOWED_LATER if several else FOLLOWED
     first = RoomDraft(tuple(scan.place for scan in scans))
     nowhere = first.room(air)
     problems = tuple(make_problem([scan], nowhere, board, [], prediction, all_echoes=True) for scan in scans)
-    course, progress = course or Course(), progress or SearchProgress()
     first = first if course.start is None else replace(course.start, places=first.places)
     return Evidence(tuple(scans), problems, tuple(spreads), first, air, course, processes=processes, progress=progress)

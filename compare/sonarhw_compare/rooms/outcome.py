@@ -377,7 +377,7 @@ def verdict_of(result: FoundRoom) -> Verdict:
     scans = len(result.scans) + len(result.left_out)
     if scans > 1 and len(misfits) > _MOST_MISFITS * scans:
         reasons.append(f"{len(misfits)} of {scans} scans do not fit")
-    single = sum(count < 2 for count in touches.seen.values())
+    single = sum(len(scans_with) < 2 for scans_with in touches.seen.values())
     if scans > 1 and single > len(touches.seen) / 2:
         reasons.append(f"{single} of {counted(len(touches.seen), 'wall')} returned echoes to one scan only")
     if len(result.draft.walls) < _LEAST_WALLS:

@@ -199,6 +199,7 @@ class RangeErrors:
 
     errors: FloatArray  # (n,), measured minus predicted; ranges by scan and reading, then bearings, then headings
     slopes: FloatArray  # (n, m), of the predictions, by m or rad
+    arcs: NDArray[np.intp]  # (of_range,): number of the scan and path of each range, from 0 on
     of_range: int  # the first so many rows are ranges
     of_heading: int  # the last so many rows are headings
 
@@ -262,14 +263,27 @@ def range_errors(
     with_headings = with_headings and evidence.has_free_headings
     shifts = shifts_of(draft, moves)
     parts = evidence.in_processes(_of_scans, range(len(evidence.problems)), draft, moves, shifts, with_headings)
-    ranges, bearings, headings = ([row for part in parts for row in part[kind]] for kind in range(3))
+    ranges = [row for part in parts for row in part.ranges]
+    bearings = [row for part in parts for row in part.bearings]
+    headings = [row for part in parts for row in part.headings]
+    paths = [(scan, path) for scan, part in enumerate(parts) for path in part.paths]
+    arcs = np.unique(np.array(paths, dtype=np.intp).reshape(-1, 2), axis=0, return_inverse=True)[1].reshape(-1)
     rows = [*ranges, *bearings, *headings]
     errors = np.array([error for error, _ in rows])
     slopes = np.array([slope for _, slope in rows]).reshape(len(rows), len(moves))
-    return RangeErrors(errors, slopes, len(ranges), len(headings))
+    return RangeErrors(errors, slopes, arcs, len(ranges), len(headings))
 
 
 Row = tuple[float, FloatArray]  # an error and its derivatives
+
+
+class _Errors(NamedTuple):
+    """Errors of one scan."""
+
+    ranges: list[Row]
+    paths: list[int]  # of the ranges
+    bearings: list[Row]
+    headings: list[Row]
 
 
 def _of_scans(
@@ -279,20 +293,20 @@ def _of_scans(
     moves: Sequence[Move],
     shifts: Shifts,
     with_headings: bool,
-) -> list[tuple[list[Row], list[Row], list[Row]]]:
+) -> list[_Errors]:
     """Return the errors of ranges, of bearings and of the heading of each scan."""
     room, errors = draft.room(evidence.air), []
     for scan in scans:
-        ranges, bearings, turns = _of_scan(evidence, draft, scan, room, moves, shifts)
+        ranges, paths, bearings, turns = _of_scan(evidence, draft, scan, room, moves, shifts)
         headings = [_of_heading(heading_error(evidence, draft, room, scan), turns)] if with_headings and turns else []
-        errors.append((ranges, bearings, headings))
+        errors.append(_Errors(ranges, paths, bearings, headings))
     return errors
 
 
 def _of_scan(
     evidence: Evidence, draft: RoomDraft, scan: int, room: Room, moves: Sequence[Move], shifts: Shifts
-) -> tuple[list[Row], list[Row], list[FloatArray]]:
-    """Return the errors of ranges, those of bearings, and the derivatives of the bearing of each reading."""
+) -> tuple[list[Row], list[int], list[Row], list[FloatArray]]:
+    """Return the errors of ranges with their paths, those of bearings, and the derivatives of each bearing."""
     board, arrays = as_found(evidence.problems[scan].board, draft), evidence.problems[scan].scans[0]
     place = board.faced(draft.places[scan])
     headings = np.asarray(place.heading + board.turned(arrays.angles))
@@ -318,8 +332,9 @@ def _of_scan(
             turns += [turned] * int(own.sum())
             bearings += [] if mean is None else [(mean / BEARING, turned / BEARING)]
     rows = np.flatnonzero(explained)
-    ranges = [(float(residuals[row]) / FINE.range, slopes[int(predicted.winners[row])]) for row in rows]
-    return ranges, bearings, turns
+    paths = predicted.winners[rows].tolist()
+    ranges = [(float(residuals[row]) / FINE.range, slopes[path]) for row, path in zip(rows, paths, strict=True)]
+    return ranges, paths, bearings, turns
 
 
 def _of_heading(error: tuple[float, float], turns: Sequence[FloatArray]) -> Row:
@@ -415,6 +430,8 @@ _MOST, _MOST_TURN = 0.03, math.radians(3)  # m, rad: by which a value moves at o
 _WIDER = 1.2
 _TUNING = 2.385  # of Cauchy weights: 95 % efficient for normal errors
 _HALVINGS = 3  # of a step that makes a wall too short
+_COMMON_ROUNDS = 3  # of the estimate of the common error of arcs
+_LEAST_LEFT = 0.25  # of the arcs: those whose errors the values do not follow
 _SETTLED = 0.1  # standard deviations; smaller steps end the refinement
 
 
@@ -437,9 +454,11 @@ def refined(
         if moved is None:
             break
         draft = moved
-        score = evidence.log_likelihood(draft, noise)
-        if score > best.score:
-            best = Scored(draft, score)
+        now = Scored(draft, evidence.log_likelihood(draft, noise))
+        # what is known without the scans counts by the redundancy, as in the steps
+        more_probable = evidence.log_prior(draft) - evidence.log_prior(best.draft)
+        if now.score - best.score + (evidence.redundancy - 1) * more_probable > 0:
+            best = now
     return replace(best, draft=centred(best.draft))
 
 
@@ -465,17 +484,60 @@ def centred(draft: RoomDraft) -> RoomDraft:
 def _normal_equations(
     evidence: Evidence, draft: RoomDraft, moves: Sequence[Move], with_headings: bool
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the information matrix (m, m) of the values, and the slope of the log-posterior, (m,)."""
+    """Return the information matrix (m, m) of the values, and the slope of the log-posterior, (m,).
+
+    With headings, the error that readings of one arc have in common is estimated. Before, too many walls are wrong.
+    """
     residuals = range_errors(evidence, draft, moves, with_headings)
-    ranges = residuals.errors[: residuals.of_range]
-    # larger than assumed if the errors are
-    scale = max(1.0, 1.4826 * float(np.median(np.abs(ranges)))) if len(ranges) else 1.0
-    errors, slopes = residuals.errors / scale, residuals.slopes / scale
-    weights = 1 / (1 + (errors / _TUNING) ** 2)
+    known, ascent = _priors(evidence, draft, moves)
+    weights = _by_arc(residuals, known) if with_headings else _by_reading(residuals) / evidence.redundancy
+    weighted = weights[:, None] * residuals.slopes
+    return weighted.T @ residuals.slopes + known, weighted.T @ residuals.errors + ascent
+
+
+def _by_reading(residuals: RangeErrors) -> FloatArray:
+    """Return the weight of each error, (n,), by Cauchy; the deviations of all are larger than assumed if ranges are."""
+    errors, scale = residuals.errors, max(1.0, _spread(residuals.errors[: residuals.of_range]))
+    weights = 1 / (1 + (errors / scale / _TUNING) ** 2)
     weights[len(errors) - residuals.of_heading :] = 1.0  # a wrong first heading is no false echo
-    weighted = weights[:, None] * slopes
-    information = weighted.T @ slopes + np.diag([_known(move) for move in moves])
-    ascent = weighted.T @ errors
+    return np.asarray(weights / scale**2)
+
+
+def _spread(errors: FloatArray) -> float:
+    """Return the standard deviation of normal errors of which some are false; 0 without errors."""
+    return 1.4826 * float(np.median(np.abs(errors))) if len(errors) else 0.0
+
+
+def _by_arc(residuals: RangeErrors, known: FloatArray) -> FloatArray:
+    """Return the weight of each error, (n,); `known` is the information without the scans, (m, m).
+
+    Walls are not straight to the millimetre, and sensors are not points: the readings of one arc have an error in
+    common. Its variance follows from the scatter of the means of arcs, of which the values explain a part.
+    """
+    count, weights = residuals.of_range, _by_reading(residuals)
+    if not count:
+        return weights
+    ranges, slopes, arcs = residuals.errors[:count], residuals.slopes[:count], residuals.arcs
+    robust = weights[:count] * max(1.0, _spread(ranges)) ** 2
+    sums = np.bincount(arcs, robust)
+    means = np.bincount(arcs, robust * ranges) / sums
+    within = max(1.0, _spread(ranges - means[arcs])) ** 2
+    beyond = weights[count:, None] * residuals.slopes[count:]
+    others = beyond.T @ residuals.slopes[count:] + known
+    common = 0.0
+    for _ in range(_COMMON_ROUNDS):
+        of_ranges = (robust / (within + sums[arcs] * common))[:, None] * slopes
+        information = of_ranges.T @ slopes
+        followed = float(np.trace(np.linalg.solve(information + others, information)))
+        left = max(len(means) - followed, len(means) * _LEAST_LEFT)
+        common = max(0.0, _spread(means) ** 2 * len(means) / left - within * float(np.median(1 / sums)))
+    weights[:count] = robust / (within + sums[arcs] * common)
+    return weights
+
+
+def _priors(evidence: Evidence, draft: RoomDraft, moves: Sequence[Move]) -> tuple[FloatArray, FloatArray]:
+    """Return information (m, m) and slope (m,) of what is known without the scans."""
+    information, ascent = np.diag([_known(move) for move in moves]), np.zeros(len(moves))
     for row, move in enumerate(moves):
         if move.what == "place":
             away, spread = evidence.pose_errors(draft, move.which)[move.part]

@@ -33,6 +33,7 @@ from sonarhw_compare.rooms.draft import (
     oblique,
     pulls,
 )
+from sonarhw_compare.rooms.effort import Effort
 from sonarhw_compare.rooms.evidence import (
     FINE,
     FOLLOWED,
@@ -397,9 +398,10 @@ def worth_alone(scan: PlacedScan, board: Board, air: Air, tick: Callable[[float]
 
 def _found(evidence: Evidence) -> FoundRoom:
     """Return the room of `find_room`. Raises InputError if no wall is found."""
-    best = _best(evidence, _searched, _SEARCHED_DONE)
+    is_quick = evidence.course.effort is Effort.QUICK
+    best = _best(evidence, _glanced if is_quick else _searched, _SEARCHED_DONE)
     evidence.progress.begin(1.0)
-    end, deviations = _finished(evidence, best)
+    end, deviations = (_glanced_end if is_quick else _finished)(evidence, best)
     if not end.walls:
         raise InputError("no wall found: expected scans from at least two places that face the same walls")
     touches, of_threshold = candidates.touches_of(evidence, end), threshold_deviation(evidence, end)
@@ -455,6 +457,21 @@ def _searched(evidence: Evidence, begin: RoomDraft) -> RoomDraft:
         best = candidates.with_free_ends_moved(evidence, best)
     evidence.progress.begin(1.0)
     return rebuilt(evidence, best).draft
+
+
+def _glanced(evidence: Evidence, begin: RoomDraft) -> RoomDraft:
+    """Return the draft after one round of growth and refinement, from a first one."""
+    longer = pruned(evidence, grown(evidence, scored(evidence, begin)))
+    return in_frame(evidence, refined(evidence, longer.draft, ROUGH, _ROOM_STEPS).draft)
+
+
+def _glanced_end(evidence: Evidence, best: Scored) -> tuple[RoomDraft, dict[Move, float]]:
+    """Return the best draft of a quick search, without walls that no range determines, and its deviations."""
+    draft = refined(evidence, pruned(evidence, best).draft, FINE, _ROOM_STEPS, with_headings=True).draft
+    for key in sorted(_undetermined(deviations_of(evidence, draft)) - evidence.first.walls.keys()):
+        draft = without_part(draft, key)
+    draft = in_frame(evidence, draft)
+    return draft, deviations_of(evidence, draft)
 
 
 def rebuilt(evidence: Evidence, best: Scored) -> Scored:
@@ -572,6 +589,9 @@ _PROBABLE = 0.8  # least probability of a pose at which its scan is placed at on
 _TRIED_POSES = 3  # poses of a scan, each of which needs a room
 _HEADINGS_DONE = 0.03  # share of a search after headings are solved
 _LOCATING, _TRYING = 0.02, 0.25  # of what is left of a part of the progress, for a scan and for a room or a scan alone
+_TURNED_AGAIN = 2  # times that solved headings are determined in the room, and the room is found from these
+_LEAST_LEFT = 2  # scans, of which a room is found without one of them
+_OTHER_HEADING = math.radians(1.5)  # rad, by which a heading in the room of the other scans is another one
 _NARROW = PoseSpread(0.1, math.radians(6))  # up to this spread, a scan is placed where it is given, else it is located
 _UNLIKELY = 0.05  # probability of a pose, by that of the most probable one, below which it is not tried
 
@@ -646,6 +666,10 @@ def find_room_and_poses(
             search.progress.begin(1.0)
             again = search.room_with(stage, {}, 1.0, search.course.unseen)
             stage = max(again, stage, key=lambda candidate: candidate.found.worth)
+        if search.course.effort is not Effort.QUICK:
+            search, stage = search.turned_again(stage)
+        if search.course.effort is Effort.THOROUGH:
+            stage = search.found_without_each(stage)
     tick(1.0)
     return replace(
         stage.found,
@@ -725,6 +749,68 @@ class _Search:
             if (k not in stage.placed if numbers is None else k in numbers)
         }
 
+    def turned_again(self, stage: _Stage) -> "tuple[_Search, _Stage]":
+        """Return the search and its room after solved headings were determined in the room, while that is better."""
+        search = self
+        for _ in range(_TURNED_AGAIN):
+            turned = search.turned(stage)
+            if turned is None:
+                break
+            again = turned.room_with(stage, {}, 1.0, search.course.unseen)
+            if again.found.worth <= stage.found.worth:
+                break
+            search, stage = turned, again
+        return search, stage
+
+    def found_without_each(self, stage: _Stage) -> _Stage:
+        """Return the best room of those that begin with the room without one of the scans.
+
+        A wall that one scan alone shows wrongly can keep the right walls from growing.
+        """
+        for k in stage.placed if len(stage.placed) > _LEAST_LEFT else ():
+            others = {other: scan for other, scan in stage.placed.items() if other != k}
+            without = self.room_of(others, _TRYING, replace(self.course.unseen, likely=None))
+            pose = stage.refined[k].place
+            again = self.room_with(without, {k: pose}, _TRYING, self.course.unseen)
+            stage = max(stage, again, key=lambda candidate: candidate.found.worth)
+        return stage
+
+    def turned(self, stage: _Stage) -> "_Search | None":
+        """Return the search from the headings that the room of the other scans shows; None if all are as they were.
+
+        Headings are solved without a room. A wrong one has walls of its own in the room, by which it stays wrong.
+        """
+        scans, spreads = list(self.scans), list(self.spreads)
+        for row, (k, now) in enumerate(stage.refined.items()):
+            if self.spreads[k].heading < SOLVED:
+                continue
+            pose = self._among_others(stage, row, k)
+            if pose is None or abs(math.remainder(pose.heading - now.place.heading, math.tau)) < _OTHER_HEADING:
+                continue
+            expected = replace(self.scans[k].place, heading=pose.heading)
+            scans[k] = replace(self.scans[k], place=replace(expected, position=pose.position))
+            spreads[k] = replace(self.spreads[k], around=expected)
+        return None if scans == list(self.scans) else replace(self, scans=tuple(scans), spreads=tuple(spreads))
+
+    def _among_others(self, stage: _Stage, row: int, k: int) -> Pose | None:
+        """Return the most probable pose of a placed scan in the room without the walls that it alone has touched."""
+        draft, expected = stage.found.draft, self.spreads[k].around or self.scans[k].place
+        for key, seen in stage.found.touches.seen.items():
+            draft = draft.without_only(key) if seen == {row} else draft
+        try:
+            return locate_scan(
+                self.scans[k].readings,
+                draft.room(self.air),
+                stage.sensor(self.board),
+                prediction=FOLLOWED,
+                expected=expected,
+                spread=PoseSpread(self.spreads[k].xy, math.inf),
+                rightly=True,
+                tick=self.progress.inner(_LOCATING),
+            ).poses[0]
+        except InputError:  # the other scans show no wall that this one can have seen
+            return None
+
     def extended(self, stage: _Stage, located: Mapping[int, Located]) -> _Stage | None:
         """Return the room of one more scan, or of all that are sure; None if none of them can be placed."""
         own = stage.explained(list(stage.placed))
@@ -765,7 +851,7 @@ class _Search:
             self.alone[k, sensor] = worth_alone(self.scans[k], sensor, self.air, self.progress.inner(_TRYING))
         return self.alone[k, sensor]
 
-    def room_with(self, stage: _Stage, poses: Mapping[int, Pose], part: float, course: Course) -> _Stage:
+    def room_with(self, stage: _Stage, poses: Mapping[int, Pose | Place], part: float, course: Course) -> _Stage:
         """Return the room with more scans at their poses; scans of known poses begin where they are given.
 
         It is also searched from the room of the stage, because a search from nothing can miss a better one.

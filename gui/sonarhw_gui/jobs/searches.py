@@ -9,6 +9,7 @@ import tomlkit
 from PySide6.QtCore import QObject, Signal, Slot
 from sonarhw_compare.edits import remove_surface
 from sonarhw_compare.match import compare_readings
+from sonarhw_compare.rooms.effort import Effort
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import Board, without_own_body
 from sonarhw_sim.room.room import Place, Room
@@ -402,6 +403,7 @@ def search_room(
     scans: tuple[LoadedScan, ...],
     air: Air,
     accuracy: Accuracy,
+    effort: Effort,
     start: "RoomDraft | None",
     refused: "tuple[DraftWall | DraftPost, ...]",
     job: BackgroundJob,
@@ -417,7 +419,7 @@ def search_room(
     board = _one_board(scans)
     if start is not None and not start.is_sound:
         raise InputError("a wall of the room is shorter than 2 cm; remove it in the plan, and go on")
-    course = Course(start, refused, lambda draft: job.show(_supported(scans, air, draft, ROUGH)))
+    course = Course(start, refused, lambda draft: job.show(_supported(scans, air, draft, ROUGH)), effort=effort)
     result = find_room_and_poses(
         [_placed(scan) for scan in scans], board, air, _spreads(scans, accuracy), job.report, course
     )
@@ -558,7 +560,7 @@ class RoomSearch(Search):
         super().__init__("find the room", search_room, shown, jobs, parent)
         self.state, self._name = FindState(), name
         self._newest: Any = None  # partial result of the running search; `state` has it without what was rejected
-        self._searching: tuple[Any, ...] = ()  # scans, air and accuracy of the newest search
+        self._searching: tuple[Any, ...] = ()  # scans, air, accuracy and effort of the newest search
         self._failed_with: tuple[Scene, tuple[OverlaidScan, ...]] | None = None
 
     def tick(self) -> None:
@@ -577,13 +579,13 @@ class RoomSearch(Search):
         return self._shown().scene, self._shown().overlays
 
     @Slot(object)
-    def start(self, accuracy: Accuracy) -> None:
+    def start(self, accuracy: Accuracy, effort: Effort = Effort.NORMAL) -> None:
         """Start a search without walls in the loaded scans; a running one is cancelled."""
         if scans := self._scans:
-            self._search((scans, self._air, accuracy), None, FindState())
+            self._search((scans, self._air, accuracy, effort), None, FindState())
 
     @Slot(object)
-    def go_on(self, accuracy: Accuracy) -> None:
+    def go_on(self, accuracy: Accuracy, effort: Effort = Effort.NORMAL) -> None:
         """Continue from the accepted and edited room, or else from the list; rejected walls are not found again."""
         state, scans, room = self.state, self._scans, self._shown().scene.room
         if state.hypotheses is None or not scans:
@@ -598,7 +600,7 @@ class RoomSearch(Search):
             refused += tuple(shape for shape, support in named if support.name not in room.names)
         else:
             start = state.hypotheses.draft
-        self._search((scans, self._air, accuracy), start, replace(state, refused=refused))
+        self._search((scans, self._air, accuracy, effort), start, replace(state, refused=refused))
 
     @Slot(int)
     def reject(self, row: int) -> None:

@@ -19,6 +19,7 @@ from sonarhw_compare.edits import remove_surface
 from sonarhw_compare.fit.quantities import NEAR, QUANTITIES, Offer
 from sonarhw_compare.match import Kind
 from sonarhw_compare.pictures import points_at
+from sonarhw_compare.rooms.effort import Effort
 from sonarhw_sim.predict.predicted_scan import standpoints
 from sonarhw_sim.room.room import Room
 
@@ -341,7 +342,12 @@ class FindPanel(SearchPanel):
         self.scans, self.places = PlainLabel(wordWrap=True), QtWidgets.QComboBox()
         self.places.addItems([*searches.ACCURACIES])
         self.places.setToolTip("How well the places of the scans are known; those of logs without a room are unknown")
+        self.effort = QtWidgets.QComboBox()
+        self.effort.addItems([*Effort])
+        self.effort.setCurrentText(Effort.NORMAL)
+        self.effort.setToolTip("quick: rough walls in some seconds; thorough: several searches, some minutes")
         ignore_wheel_without_focus(self.places)
+        ignore_wheel_without_focus(self.effort)
         self.go_on = button(
             "Go on", "Search further: without what you rejected, from the room as you edited it", self._go_on
         )
@@ -358,6 +364,7 @@ class FindPanel(SearchPanel):
         self._space = QtWidgets.QWidget()  # below all, while there is no list
         form, begin = QtWidgets.QFormLayout(), QtWidgets.QGridLayout()
         form.addRow("Places", self.places)
+        form.addRow("Effort", self.effort)
         begin.addWidget(self.begin, 0, 0)
         begin.addWidget(self.go_on, 0, 1)
         above = self.scans, form, begin, (self.progress, self.cancel), self.step
@@ -401,11 +408,11 @@ class FindPanel(SearchPanel):
 
     @Slot()
     def _begin(self) -> None:
-        self._control.start(self.accuracy)
+        self._control.start(self.accuracy, Effort(self.effort.currentText()))
 
     @Slot()
     def _go_on(self) -> None:
-        self._control.go_on(self.accuracy)
+        self._control.go_on(self.accuracy, Effort(self.effort.currentText()))
 
     def _fill(self) -> None:
         """List the hypotheses; the same row stays selected."""

@@ -128,6 +128,15 @@ def test_written_positions_without_headings_determine_the_room_and_its_direction
     assert max(abs(math.remainder(found.places[name].heading, math.tau)) for name in PLACES) < TURNED
 
 
+def test_a_quick_search_finds_most_walls_and_where_to_scan_next(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    room_file = tmp_path / "found.toml"
+    assert run(["map", *logs(folder), "--effort", "quick", "--out", str(room_file)]) == 0
+    assert len(missing_walls(load_room(room_file))) <= 2
+    assert "scan next at " in capsys.readouterr().out
+
+
 def test_what_is_not_a_room_is_written_only_if_wanted(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -171,6 +171,26 @@ def test_what_the_ranges_do_not_determine_is_stated_as_unknown() -> None:
     assert min(one for move, one in rough.items() if (move.what, move.part) == ("wall", 0)) > 0.9 * 0.03 / math.sqrt(3)
 
 
+def test_errors_that_neighbouring_readings_share_make_a_wall_less_certain() -> None:
+    evidence, true = case(0.005)
+    by_turn = 2 * 0.02 / ROOM.air.speed_of_sound  # s, of 2 cm
+
+    def shifted(scan: PlacedScan) -> PlacedScan:
+        """Return a scan with ranges that are too long by 2 cm in each second eighth of a turn, else too short."""
+        signs = [1 if int(reading.angle / (math.pi / 4)) % 2 else -1 for reading in scan.readings]
+        readings = [
+            replace(reading, echo_times=tuple(time + sign * by_turn for time in reading.echo_times))
+            for sign, reading in zip(signs, scan.readings, strict=True)
+        ]
+        return replace(scan, readings=readings)
+
+    real = evidence_of([*map(shifted, evidence.scans)], [PoseSpread()] * 3, QUICK, ROOM.air)
+    ideal_deviations, deviations = deviations_of(evidence, true), deviations_of(real, true)
+    for key in true.walls:
+        wall = Move("wall", key, 0)
+        assert deviations[wall] > 2 * ideal_deviations[wall]
+
+
 def test_a_range_offset_is_found_if_the_board_describes_a_population() -> None:
     for spread, offset in ((0.016, 0.015), (0.0, 0.0)):
         board = replace(QUICK, range_sd=spread)
@@ -292,7 +312,7 @@ def test_what_explains_few_echoes_or_is_seen_from_one_place_is_no_room(
     unexplained: tuple[int, ...], seen: int, left_out: tuple[str, ...], reasons: tuple[str, ...]
 ) -> None:
     scans = tuple(PlacedScan((), Place(name, (1.0, 1.0)), name) for name in "abc")
-    touches = Touches({}, (), (20,) * 3, unexplained, dict.fromkeys(range(4), seen))
+    touches = Touches({}, (), (20,) * 3, unexplained, dict.fromkeys(range(4), frozenset(range(seen))))
     found = replace(rectangle(), touches=touches, scans=scans, left_out=left_out)
     verdict = verdict_of(found)
     assert [reason for reason in verdict.reasons if reason.startswith(reasons)] == list(verdict.reasons)
