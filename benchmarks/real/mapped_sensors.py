@@ -54,9 +54,7 @@ def main() -> None:
     )
 
 
-def print_room(
-    sensor: str, scans: Sequence[RealScan], known: bool, effort: Effort
-) -> tuple[FloatArray, FloatArray]:
+def print_room(sensor: str, scans: Sequence[RealScan], known: bool, effort: Effort) -> tuple[FloatArray, FloatArray]:
     """Print the room of a sensor; return whether the intervals of its right walls hold offset and direction, (w,)."""
     placed = [at_mark(scan, nearest_pose(scan).heading if known else 0.0) for scan in scans]
     begin, spent = time.perf_counter(), sum(os.times()[:4])

@@ -56,7 +56,7 @@ from sonarhw_compare.rooms.refinement import Move, centred, deviations_of, refin
 # Growth of a draft: walls and posts are added while the scans speak for them, and removed where they do not.
 
 
-_TRIED = 8  # candidates for walls at a time
+_TRIED, _TRIED_QUICKLY = 8, 3  # candidates for walls at a time
 _SHORT = 0.5  # m: a new wall that is shorter could be a post
 _POSTS = 6  # candidates for posts at a time; each takes more time than a wall
 _COMPLETED = 2  # best walls, whose ends are tried at other walls
@@ -168,7 +168,8 @@ def with_wall(
     noise: ReadingNoise = ROUGH,
 ) -> Scored:
     """Return the draft with the wall that explains most; the draft itself without a candidate."""
-    found_lines = candidates.wall_candidates(arcs, unexplained, _TRIED, common_angle(best.draft))
+    most = _TRIED_QUICKLY if evidence.course.effort is Effort.QUICK else _TRIED
+    found_lines = candidates.wall_candidates(arcs, unexplained, most, common_angle(best.draft))
     walls = [wall for wall in found_lines if not evidence.refuses(wall)]
     alone = all_scored(evidence, (best.draft.with_new_wall(wall)[0] for wall in walls), noise)
     tried = sorted(zip(alone, walls, strict=True), key=lambda scored_wall: -scored_wall[0].score)
@@ -411,10 +412,12 @@ def _found(evidence: Evidence) -> FoundRoom:
 def _best(evidence: Evidence, search: Callable[[Evidence, RoomDraft], RoomDraft], done: float) -> Scored:
     """Return the better result of searches from no walls and from a likely room; `done` is the share afterwards.
 
-    A search that begins without walls can miss a better room. Without a likely room, there is one search.
+    A search that begins without walls can miss a better room. Without a likely room, or quickly, there is one search.
     """
     likely = evidence.course.likely
     begins = [evidence.first, *([] if likely is None else [likely])]
+    if evidence.course.effort is Effort.QUICK:
+        begins = begins[-1:]
     results: list[Scored] = []
     for number, begin in enumerate(begins):
         evidence.progress.begin(done * (number + 1) / len(begins))
@@ -812,12 +815,16 @@ class _Search:
             return None
 
     def extended(self, stage: _Stage, located: Mapping[int, Located]) -> _Stage | None:
-        """Return the room of one more scan, or of all that are sure; None if none of them can be placed."""
+        """Return the room of one more scan, or of all that are sure; None if none of them can be placed.
+
+        A quick search takes the most probable pose of each.
+        """
         own = stage.explained(list(stage.placed))
         sure = [
             k
             for k, poses in located.items()
-            if poses.explained >= _AS_GOOD * own and poses.poses[0].probability >= _PROBABLE
+            if self.course.effort is Effort.QUICK
+            or (poses.explained >= _AS_GOOD * own and poses.poses[0].probability >= _PROBABLE)
         ]
         if sure:
             return self.room_with(stage, {k: located[k].poses[0] for k in sure}, 1.0, self.course)

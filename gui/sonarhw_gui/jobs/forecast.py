@@ -44,7 +44,7 @@ _TOO_LONG, _SHORT = 0.020, 0.005  # s, duration of a draft
 
 
 @dataclass(frozen=True)
-class Effort:
+class DraftEffort:
     """Limits of a draft prediction."""
 
     max_bounces: int
@@ -63,12 +63,12 @@ class Effort:
 
 
 EFFORTS = (
-    Effort(1, 720, 24),
-    Effort(2, 720, 36),
-    Effort(3, 1440, 72),
-    Effort(4, 1440, 120),
-    Effort(6, 2880, 180),
-    Effort(8, 2880, 360, ideal=False),
+    DraftEffort(1, 720, 24),
+    DraftEffort(2, 720, 36),
+    DraftEffort(3, 1440, 72),
+    DraftEffort(4, 1440, 120),
+    DraftEffort(6, 2880, 180),
+    DraftEffort(8, 2880, 360, ideal=False),
 )
 FIRST_LEVEL = 3  # in EFFORTS
 
