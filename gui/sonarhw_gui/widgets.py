@@ -2,10 +2,10 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from html import escape
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 from PySide6 import QtCore, QtGui, QtWidgets
-from PySide6.QtGui import QColor, QFont, QIcon, QPainter, QPaintEvent, QPixmap, QPolygonF, QResizeEvent
+from PySide6.QtGui import QColor, QFont, QIcon, QKeyEvent, QPainter, QPaintEvent, QPixmap, QPolygonF, QResizeEvent
 
 _Box = TypeVar("_Box", bound=QtWidgets.QBoxLayout)
 # A layout that wraps its items into further lines, so that a long row never makes the window too wide.
@@ -273,6 +273,48 @@ def ignore_wheel_without_focus(widget: QtWidgets.QWidget) -> None:
     """Let a slider, field or list react to the wheel only after a click or the Tab key."""
     widget.setFocusPolicy(QtCore.Qt.FocusPolicy.StrongFocus)
     widget.installEventFilter(_WheelFilter(widget))
+
+
+# A row of buttons that is one tab stop.
+
+
+_ARROWS = {QtCore.Qt.Key.Key_Left: -1, QtCore.Qt.Key.Key_Right: 1}
+
+
+class ArrowRow(QtCore.QObject):
+    """Moves the focus between the buttons of a row with the left and right keys, so that Tab visits one of them."""
+
+    def __init__(self, row: QtWidgets.QWidget) -> None:
+        super().__init__(row)
+        self._row = row
+        self._newest: QtCore.QObject | None = None  # the button that had the focus last
+        for button in row.findChildren(QtWidgets.QAbstractButton):
+            button.installEventFilter(self)
+
+    def buttons(self) -> list[QtWidgets.QAbstractButton]:
+        """Return the buttons that can have the focus, from left to right."""
+        buttons = self._row.findChildren(QtWidgets.QAbstractButton)
+        usable = (button for button in buttons if button.isVisible() and button.isEnabled())
+        focusable = (button for button in usable if button.focusPolicy() & QtCore.Qt.FocusPolicy.TabFocus)
+        return sorted(focusable, key=lambda button: (button.y(), button.x()))
+
+    def skips(self, widget: QtWidgets.QWidget) -> bool:
+        """Return whether Tab skips a widget: a button of the row beside the one that had the focus last."""
+        buttons = self.buttons()
+        return widget in buttons and widget is not (self._newest if self._newest in buttons else buttons[0])
+
+    def eventFilter(self, watched: QtCore.QObject, event: QtCore.QEvent) -> bool:
+        """Use the left and right keys of the buttons."""
+        if event.type() is QtCore.QEvent.Type.FocusIn:
+            self._newest = watched
+        if not isinstance(event, QKeyEvent) or event.key() not in _ARROWS:
+            return False
+        event.accept()  # else the window steps through the readings with these keys
+        if event.type() is QtCore.QEvent.Type.KeyPress:
+            buttons = self.buttons()
+            place = buttons.index(cast(QtWidgets.QAbstractButton, watched)) + _ARROWS[QtCore.Qt.Key(event.key())]
+            buttons[place % len(buttons)].setFocus(QtCore.Qt.FocusReason.TabFocusReason)
+        return True
 
 
 # A number field without digit grouping that accepts a comma as the decimal point.

@@ -1,7 +1,7 @@
 """The main window: creates its parts, connects them, and updates them when the session changes."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import zip_longest
 from pathlib import Path
@@ -21,7 +21,7 @@ from sonarhw_gui.session.session import Turns, WindowSession
 from sonarhw_gui.session.status import Status
 from sonarhw_gui.views.base import View
 from sonarhw_gui.views.legend import Legend
-from sonarhw_gui.widgets import arranged, close_dialogs
+from sonarhw_gui.widgets import ArrowRow, arranged, close_dialogs
 from sonarhw_gui.window.bars import Banner, Card, Hint, StartPage, StatusBar, ToolBar
 from sonarhw_gui.window.commands import Commands, CommandSlots, LayoutMenu, offer_view_menus, undo_menu
 from sonarhw_gui.window.dialogs import HelpPage, open_dialog
@@ -147,6 +147,35 @@ _NO_PAINT = 500  # ms
 _TURN = 40
 
 
+# The order of the tab stops.
+
+
+def tab_stops(
+    window: QtWidgets.QWidget, parts: Sequence[QtWidgets.QWidget], rows: Sequence[ArrowRow]
+) -> list[QtWidgets.QWidget]:
+    """Return what Tab visits: the stops of each part in turn, then the others; one stop in each row of buttons.
+
+    Qt would also visit what is behind another tab.
+    """
+    chain = [window]
+    while (widget := cast(QtWidgets.QWidget, chain[-1].nextInFocusChain())) is not window:
+        chain.append(widget)
+    possible = [stop for stop in chain if stop.window() is window and _can_have_focus(stop)]
+    stops = [stop for stop in possible if not any(row.skips(stop) for row in rows)]
+    places = {stop: [part is stop or part.isAncestorOf(stop) for part in parts] for stop in stops}
+    return sorted(stops, key=lambda stop: [*places[stop], True].index(True))
+
+
+def _can_have_focus(widget: QtWidgets.QWidget) -> bool:
+    """Return whether Tab can visit a widget that is not behind another tab."""
+    if not widget.focusPolicy() & Qt.FocusPolicy.TabFocus or widget.focusProxy() is not None:
+        return False
+    parent: QtWidgets.QWidget | None = widget
+    while parent is not None and not isinstance(parent, OpenedDock):
+        parent = parent.parentWidget()
+    return widget.isVisible() and widget.isEnabled() and (parent is None or parent.in_front)
+
+
 class MainWindow(QtWidgets.QMainWindow):
     """The main window with all its parts."""
 
@@ -172,6 +201,7 @@ class MainWindow(QtWidgets.QMainWindow):
         self.sound_bar = SoundBar(session.sound, self.saving.save_film)
         self.toolbar, self.start_page = ToolBar(self.commands, self.files.shipped), StartPage(self.commands, self.files)
         self.docks: list[PanelDock] = []  # the panels
+        self._rows = ArrowRow(self.legend), ArrowRow(self.replay_bar)
         self._look: Look | None = None
         self._open = False  # each part that becomes visible reports it; together, they are updated once
         plots = [partial(self._show_plot, place) for place in range(self.views.plots_beside)]
@@ -186,6 +216,7 @@ class MainWindow(QtWidgets.QMainWindow):
         self._show(session.shown)
         self._show_status(session.status)
         self._names_timer.start()
+        self.views.plan.drawing.setFocus()
 
     def _arrange(self) -> None:
         self.setAcceptDrops(True)
@@ -384,6 +415,16 @@ class MainWindow(QtWidgets.QMainWindow):
         self.files.shipped.setEnabled(not status.scanning)
         self.files.menuAction().setEnabled(not status.scanning)
         self.toolbar.place.setEnabled(not status.scanning and self.toolbar.place.count() > 0)
+
+    def focusNextPrevChild(self, forward: bool) -> bool:
+        """Move the focus with Tab: the plan is first, then what is beside and below it, at last the toolbar."""
+        parts = self.views.stage, self.legend, self.views, self.sound_bar, self.replay_bar, self.banner, self.toolbar
+        stops, now = tab_stops(self, parts, self._rows), self.focusWidget()
+        if stops:
+            place = stops.index(now) + (1 if forward else -1) if now in stops else 0 if forward else -1
+            reason = Qt.FocusReason.TabFocusReason if forward else Qt.FocusReason.BacktabFocusReason
+            stops[place % len(stops)].setFocus(reason)
+        return bool(stops)
 
     def showEvent(self, event: QtGui.QShowEvent) -> None:
         """Update what is visible. Begin to predict soon even if the window is never painted, as on another desktop."""

@@ -14,7 +14,7 @@ from PySide6.QtWidgets import QApplication, QDialog, QFileDialog, QLabel, QMenu,
 from sonarhw_cli.app import run
 from sonarhw_compare.match import Kind
 from sonarhw_gui.jobs import forecast
-from sonarhw_gui.model.look import Look
+from sonarhw_gui.model.look import Look, ViewLayer
 from sonarhw_gui.model.rows import Column
 from sonarhw_gui.model.scene import Scene
 from sonarhw_gui.views.marks import reading_tip
@@ -66,6 +66,29 @@ def test_every_tab_stop_has_a_name_every_key_one_meaning_and_one_dialog_is_open_
     stops = tab_stops(window)
     assert len(stops) > 60
     assert [f"{type(stop).__name__} in {type(stop.parent()).__name__}" for stop in stops if not spoken_name(stop)] == []
+
+
+def test_tab_visits_the_plan_first_and_a_row_of_buttons_once(window: MainWindow) -> None:
+    until(lambda: predicted(window))
+    legend, chosen = window.legend, window.session.shown.chosen
+    visited = [window.focusWidget()]
+    while len(visited) < 2 or visited[-1] is not visited[0]:
+        key(visited[-1], "Tab")
+        visited.append(window.focusWidget())
+    assert visited[0] is window.views.plan.drawing
+    assert visited[1] is legend.entries[Kind.MATCH]
+    assert 8 <= len(set(visited)) == len(visited) - 1 <= 15
+    assert not any(panel.isAncestorOf(stop) for panel in (window.room, window.fit_panel) for stop in visited)
+    key(visited[0], "Shift+Tab")
+    assert window.focusWidget() is visited[-2]
+    for step in ("Tab", "Tab", "Right", "Right", "Space"):
+        key(window.focusWidget(), step)
+    assert window.focusWidget() is legend.entries[ViewLayer.TRACE]
+    until(lambda: ViewLayer.TRACE in window.session.shown.hidden)
+    key(window.focusWidget(), "Tab")
+    key(window.focusWidget(), "Shift+Tab")
+    assert window.focusWidget() is legend.entries[ViewLayer.TRACE]  # the row remembers its button
+    assert window.session.shown.chosen is chosen
 
 
 def test_the_palette_runs_commands_undo_steps_are_listed_and_the_large_view_is_copied_and_printed(
