@@ -19,7 +19,7 @@ from sonarhw_sim.room.room import Room
 from sonarhw_sim.room.small_things import Cluster, Followed
 
 _AT_CENTRE = 1e-6  # m
-_TURN, _LEAST_TURNS, _LARGEST_TURN = 0.14, 3.0, 0.5  # of `passing_share`, as of thin posts
+_TURN, _LEAST_TURNS, _LARGEST_TURN = 0.06, 1.2, 0.5  # of `passing_share`: rad; half shadows; rad
 _BEYOND_WALL = 1.35  # amplitude: the most that a strip returns, relative to an endless wall
 _FEWEST_POINTS = 3
 

@@ -11,12 +11,16 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
 from sonarhw_sim.board.beam import ComplexArray
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 _PER_WAVE = 8.0  # panels of the largest size
 _SMALLEST = 0.15  # size of the panel at the end of a wall, relative to the largest
@@ -60,17 +64,10 @@ class SmallWalls:
         lengths = np.hypot(*sources.T)[:, None] + np.hypot(*ends.T)
         return np.asarray(total / (-0.25j * hankel2(0, number * lengths)))
 
-    @cached_property
+    @property
     def panels(self) -> "tuple[_Panels, _Panels, _Panels]":
         """Those of the walls above the endless wall, or all, those of the walls below, turned up, and the openings."""
-        walls = np.array(self.walls).reshape(-1, 4)
-        below = self.on_wall & (walls[:, 1] + walls[:, 3] < 0.0)
-        openings = np.array([(a, 0.0, b, 0.0) for a, b in self.openings]).reshape(-1, 4)
-        return (
-            _Panels.of(walls[~below], self.wavelength, self.on_wall),
-            _Panels.of(walls[below] * (1, -1, 1, -1), self.wavelength, self.on_wall),
-            _Panels.of(openings, self.wavelength, True),
-        )
+        return _panels(self)
 
     def _caused(self, number: float, points: FloatArray) -> ComplexArray:
         """Return what a source at each point (n, 2) causes at each unknown, (u, n)."""
@@ -78,7 +75,7 @@ class SmallWalls:
         above = (points[:, 1] > 0.0) | (not self.on_wall)
         turned = points * np.where(above, 1.0, -1.0)[:, None] ** np.array([0, 1])
         of_walls = [
-            side * (part.averages.T @ self._with_image(_slope_at, number, part, turned))
+            side * np.asarray(part.by_function @ self._with_image(_slope_at, number, part, turned))
             for part, side in ((upper, above), (lower, ~above))
         ]
         through = np.where(above, 1.0, -1.0) * self._with_image(_pressure_at, number, flow, turned)
@@ -138,10 +135,29 @@ class _Panels:
         """Points of Gauss on each, (n, 4, 2)."""
         return np.asarray(self.starts[:, None] + _NODES[:, None] * (self.ends - self.starts)[:, None])
 
+    @cached_property
+    def by_function(self) -> "csr_array":
+        """The transposed averages; each function is on a few panels."""
+        from scipy.sparse import csr_array
+
+        return csr_array(self.averages.T)
+
     @property
     def image(self) -> "_Panels":
         """The panels mirrored in the line y = 0. Their normals are the opposite of mirrored normals."""
         return _Panels(self.starts * (1, -1), self.ends * (1, -1), self.averages, self.slopes)
+
+
+@lru_cache(maxsize=48)
+def _panels(small: SmallWalls) -> tuple[_Panels, _Panels, _Panels]:
+    walls = np.array(small.walls).reshape(-1, 4)
+    below = small.on_wall & (walls[:, 1] + walls[:, 3] < 0.0)
+    openings = np.array([(a, 0.0, b, 0.0) for a, b in small.openings]).reshape(-1, 4)
+    return (
+        _Panels.of(walls[~below], small.wavelength, small.on_wall),
+        _Panels.of(walls[below] * (1, -1, 1, -1), small.wavelength, small.on_wall),
+        _Panels.of(openings, small.wavelength, True),
+    )
 
 
 def _cut(wall: FloatArray, wavelength: float) -> FloatArray:
@@ -191,7 +207,7 @@ def _inverse(small: SmallWalls, number: float) -> ComplexArray:
     """Return the inverse of the symmetric system of equations at a wave number (1/m)."""
     upper, lower, flow = small.panels
     walls = [_hypersingular(number, part, small.on_wall) for part in (upper, lower)]
-    leading = [part.averages.T @ _slopes_of(number, part, flow) * 2.0 for part in (upper, lower)]
+    leading = [part.by_function @ _slopes_of(number, part, flow) * 2.0 for part in (upper, lower)]
     sizes = np.cumsum([0, len(walls[0]), len(walls[1]), len(flow.starts)])
     up, down, through = (slice(begin, end) for begin, end in itertools.pairwise(sizes))
     system = np.zeros((sizes[-1], sizes[-1]), np.complex128)
@@ -280,29 +296,32 @@ def _logarithms(points: FloatArray, starts: FloatArray, tangents: FloatArray, le
 
 def _slopes_of(number: float, panels: _Panels, sources: _Panels) -> ComplexArray:
     """Return the integral over each panel (n) of the slope along its normal of the sound of sources (m), (n, m)."""
-    total = np.zeros((len(panels.starts), len(sources.starts)), np.complex128)
-    if not total.size:
-        return total
-    for node, weight in zip(_NODES, _WEIGHTS, strict=True):
-        points = sources.starts + node * (sources.ends - sources.starts)
-        total += weight * sources.lengths * _slope_at(number, panels, points, many=True)
-    return total
+    if not len(panels.starts) or not len(sources.starts):
+        return np.zeros((len(panels.starts), len(sources.starts)), np.complex128)
+    total = _slope_at(number, panels, sources.middles)
+    rows, columns = _near(panels, sources)
+    away = panels.points[rows][:, :, None] - sources.points[columns][:, None]
+    near = _slopes(number, away, panels.normals[rows][:, None, None]) @ _WEIGHTS @ _WEIGHTS
+    total[rows, columns] = near * panels.lengths[rows]
+    return np.asarray(total * sources.lengths)
 
 
-def _slope_at(number: float, panels: _Panels, points: FloatArray, many: bool = False) -> ComplexArray:
-    """Return the integral over each panel of the slope along its normal of the sound of sources (k, 2), (n, k).
+def _slope_at(number: float, panels: _Panels, points: FloatArray) -> ComplexArray:
+    """Return the integral over each panel of the slope along its normal of the sound of sources (k, 2), (n, k)."""
+    slopes = _slopes(number, panels.middles[:, None] - points, panels.normals[:, None])
+    return np.asarray(slopes * panels.lengths[:, None])
 
-    It is taken at the middle of each panel, or with `many` at points of Gauss.
-    """
+
+def _slopes(number: float, away: FloatArray, normals: FloatArray) -> ComplexArray:
+    """Return the slope along `normals` of the sound of sources, at points `away` (..., 2) m from them."""
     from scipy.special import j1, y1
 
-    weights = _WEIGHTS if many else np.ones(1)
-    away = (panels.points if many else panels.middles[:, None])[:, :, None] - points
     radii = np.hypot(away[..., 0], away[..., 1])
-    across = (away * panels.normals[:, None, None]).sum(axis=3)
+    across = number * (away * normals).sum(axis=-1) / radii
     # the derivative of -j/4 H₀ is j k/4 H₁, H₁ = J₁ - j Y₁
-    slopes = number * (0.25j * j1(number * radii) + 0.25 * y1(number * radii)) * across / radii
-    return np.asarray(np.einsum("npk,p->nk", slopes, weights) * panels.lengths[:, None])
+    slopes = np.empty(radii.shape, np.complex128)
+    slopes.real, slopes.imag = 0.25 * y1(number * radii) * across, 0.25 * j1(number * radii) * across
+    return slopes
 
 
 def _pressure_at(number: float, panels: _Panels, points: FloatArray) -> ComplexArray:

@@ -317,7 +317,8 @@ def _turned(walls: FloatArray, origin: FloatArray, turn: float) -> FloatArray:
 
 def _split(local: FloatArray, on_wall: bool) -> FloatArray:
     """Return walls (n, 4) cut where others touch or cross them, and at the x axis if it is a wall, each piece once."""
-    pieces: dict[tuple[object, ...], FloatArray] = {}
+    pieces: dict[frozenset[int], tuple[float, float, float, float]] = {}
+    nodes: list[tuple[float, float]] = []
     axis = [np.array([-1e3, 0.0, 1e3, 0.0])] * on_wall
     for k, wall in enumerate(local):
         along = wall[2:] - wall[:2]
@@ -333,12 +334,20 @@ def _split(local: FloatArray, on_wall: bool) -> FloatArray:
                 back = float((away[0] * along[1] - away[1] * along[0]) / across)
                 share = float((away[0] * (other[3] - other[1]) - away[1] * (other[2] - other[0])) / across)
                 shares += [share] if 0.0 < back < 1.0 else []
-        cuts = np.unique(np.round(np.clip(shares, 0.0, 1.0) * np.hypot(*along) / MEETING)) * MEETING / np.hypot(*along)
-        points = wall[:2] + np.clip(cuts, 0.0, 1.0)[:, None] * along
-        for begin, end in pairwise(points):
-            ends = sorted((tuple(np.round(begin, 7).tolist()), tuple(np.round(end, 7).tolist())))
-            pieces.setdefault(tuple(ends), np.concatenate((begin, end)))
+        for begin, end in pairwise(sorted({min(max(share, 0.0), 1.0) for share in shares})):
+            ends = _snapped(wall[:2] + begin * along, nodes), _snapped(wall[:2] + end * along, nodes)
+            if ends[0] != ends[1]:
+                pieces.setdefault(frozenset(ends), (*nodes[ends[0]], *nodes[ends[1]]))
     return np.array([*pieces.values()]).reshape(-1, 4)
+
+
+def _snapped(point: FloatArray, nodes: list[tuple[float, float]]) -> int:
+    """Return the number of the node where a point is; the point is added if it is at none."""
+    for number, node in enumerate(nodes):
+        if math.dist(point, node) <= 2 * MEETING:
+            return number
+    nodes.append((float(point[0]), float(point[1])))
+    return len(nodes) - 1
 
 
 def _lies(local: FloatArray) -> NDArray[np.bool_]:

@@ -440,7 +440,7 @@ def test_exchanging_both_ends_changes_no_path() -> None:
 
 Chain = list[tuple[float, float]]
 
-TRAY: Chain = [(0.7, -0.01), (0.72, -0.01), (0.72, 0.02), (0.7, 0.02)]
+TRAY: Chain = [(0.7, -0.0101234), (0.7203137, -0.0101234), (0.7203137, 0.0197651), (0.7, 0.0197651)]
 DUCT: Chain = [(0.8, -0.005), (0.79, -0.005), (0.79, 0.01), (0.8, 0.01)]
 STAIRS: Chain = [(0.6, -0.02), (0.6, 0.0), (0.615, 0.0), (0.615, 0.02), (0.63, 0.02)]
 SLATS: list[Chain] = [[(0.6, -0.04), (0.61, -0.02)], [(0.6, -0.01), (0.61, 0.01)], [(0.6, 0.02), (0.61, 0.04)]]
@@ -462,6 +462,17 @@ def test_small_concave_things_are_as_loud_as_the_wave(chains: list[Chain], mirro
     of_wall = scattered(RigidScene(mirror=0.5), (0.0, 0.0), WAVENUMBER)
     walls = walls_of(chains) + ([] if mirror is None else [(mirror, -9.0, mirror, 9.0)])
     assert by_paths(walls, 1.0, ORIGIN) == pytest.approx(decibels(exact / of_wall), abs=0.7)
+
+
+def test_a_small_thing_beside_the_line_to_a_wall_is_as_loud_as_the_wave_in_the_wall_too() -> None:
+    corners = [(0.0, -0.02), (0.02713, -0.02), (0.02713, 0.02), (0.0, 0.02)]
+    turn, centre = complex(math.cos(4.7), math.sin(4.7)), complex(0.5, -0.17)
+    thing = [turn * complex(*corner) + centre for corner in corners]
+    chain: Chain = [(corner.real, corner.imag) for corner in thing]
+    exact = scattered(RigidScene([chain], mirror=1.0), (0.0, 0.0), WAVENUMBER)
+    of_wall = scattered(RigidScene(mirror=1.0), (0.0, 0.0), WAVENUMBER)
+    walls = [*walls_of([chain]), WALL_AHEAD]
+    assert by_paths(walls, 2.0, ORIGIN) == pytest.approx(decibels(exact / of_wall), abs=0.4)
 
 
 def test_a_slot_in_a_wall_is_as_loud_as_the_wave() -> None:
