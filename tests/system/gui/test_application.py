@@ -32,7 +32,7 @@ CSV = "turret_deg,range_cm\n0,15.4\n90,65.7\n"
 def test_a_signal_during_a_scan_closes_window_and_log(tmp_path: Path, number: int) -> None:
     room = tmp_path / "small.toml"
     room.write_text(ROOM.read_text())
-    command = [*SONARHW, "gui", f"fake:{room}?place=figure9&pace=2"]
+    command = [*SONARHW, "gui", f"fake:{room}?place=figure9&board=lego-nxt&pace=2"]
     environment, pipe = {**os.environ, "XDG_DATA_HOME": str(tmp_path)}, subprocess.PIPE
     process = subprocess.Popen(command, env=environment, stdout=pipe, stderr=pipe, text=True)
     recordings = tmp_path / "sonarhw" / "recordings"

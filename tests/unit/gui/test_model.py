@@ -11,7 +11,7 @@ from sonarhw_compare.fit import PlacedScan
 from sonarhw_compare.locate import PoseSpread
 from sonarhw_compare.rooms.evidence import FINE, evidence_of
 from sonarhw_gui.jobs.searches import loaded_scans
-from sonarhw_gui.model.edits import Grip, GripPart, dragged, sensor_at, sensor_turned
+from sonarhw_gui.model.edits import Grip, GripPart, dragged, room_grip, sensor_at, sensor_grip, sensor_turned
 from sonarhw_gui.model.look import LengthUnit
 from sonarhw_gui.model.scene import Scene, scene_of_log
 from sonarhw_gui.model.shown import Shown, overlaid
@@ -57,17 +57,43 @@ def test_the_sensor_cannot_be_inside_a_post_but_above_a_low_one(crowded: Scene) 
         sensor_at(Scene(room, room.place("robot"), SCENE.board), (0.5, 1.5))
 
 
+@pytest.mark.parametrize(
+    ("point", "part"),
+    [
+        ((0.91, 0.7), GripPart.SENSOR),
+        ((0.912, 0.7), None),
+        ((0.9, 0.59), GripPart.BEAM),
+        ((0.9, 0.588), None),
+        ((0.4, 0.4), GripPart.POST),
+        ((0.49, 0.4), GripPart.POST),
+        ((0.492, 0.4), GripPart.RIM),
+        ((0.508, 0.4), GripPart.RIM),
+        ((0.51, 0.4), None),
+        ((0.92, 0.3), GripPart.WALL),
+        ((0.918, 0.3), None),
+    ],
+)
+def test_a_part_of_the_plan_is_gripped_within_some_pixels(
+    crowded: Scene, point: tuple[float, float], part: GripPart | None
+) -> None:
+    pixel, at = 0.001, sensor_at(crowded, (0.9, 0.7))[0]
+    grip = sensor_grip(at, (0.9, 0.6), point, pixel) or room_grip(crowded.room, point, pixel)
+    assert part is (grip and grip.part)
+    start = crowded.room.walls.reshape(-1, 2, 2)[0, 0]
+    assert room_grip(crowded.room, tuple(start + 0.006), pixel).part is GripPart.CORNER
+
+
 @pytest.mark.parametrize("receiver", Receiver)
 def test_a_recording_contains_the_pose_of_the_sensor_and_the_receiver_of_its_board(
     scene: Scene, tmp_path: Path, receiver: Receiver
 ) -> None:
     profile = SCENE.board.text.replace('receiver = "board"', f'receiver = "{receiver}"')
-    moved, _ = sensor_turned(sensor_at(scene, (0.5, 0.5))[0], math.radians(30))
+    moved, _ = sensor_turned(sensor_at(scene, (0.5, 0.5))[0], math.radians(30.14))
     log, path = start_recording(tmp_path, replace(moved, board=parse_board(profile, "mine.toml")), warn=print)
     log.close()
     again = scene_of_log(read_log(path).metadata)
     assert again.pose.position == (0.5, 0.5)
-    assert math.degrees(again.pose.heading) == pytest.approx(30)
+    assert math.degrees(again.pose.heading) == pytest.approx(30.1)  # rounded, for the file
     assert again.room.places.keys() == {*scene.room.places, "0.5,0.5"}
     assert again.options.receiver_of(again.board) is receiver
 
