@@ -137,6 +137,17 @@ def test_a_wrong_wire_is_named_and_repeated_homes_wind_the_cable_no_further(
         assert abs(board.c.host_position() / A_DEGREE - degrees) <= 751
 
 
+@pytest.mark.parametrize("degrees", [-600, 500])
+def test_a_mark_that_opens_after_a_home_ends_the_next_one_after_little_more_than_half_a_turn(
+    board: PortableBoard, degrees: int
+) -> None:
+    home_board(board)
+    put(board, degrees, MARK_OPEN)
+    finished, positions = board.watch(Home(), 40_000_000)
+    assert MARK in finished.text
+    assert 199 < max(abs(position - degrees) for position in positions) < 230  # it slows down within 26 degrees
+
+
 def test_pings_in_place_switch_no_motor_on_also_after_a_failed_home(board: PortableBoard) -> None:
     board.c.host_grain(200)
     board.ask(Hello(1, 2))

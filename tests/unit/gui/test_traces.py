@@ -34,6 +34,7 @@ from sonarhw_gui.jobs.traces import (
 )
 from sonarhw_gui.model.look import LIGHT
 from sonarhw_gui.model.scene import Scene
+from sonarhw_gui.session.scanner import PackedTrace, packed
 from sonarhw_sim.air import Air, Receiver
 from sonarhw_sim.board.profile import Mount, load_board
 from sonarhw_sim.board.signal import CONVERTER_RATE
@@ -311,3 +312,20 @@ def test_a_carrier_is_predicted_at_the_sample_rate_of_the_measured_one(before_a_
 
 
 # packed traces
+
+
+# traces in memory
+
+
+@pytest.mark.parametrize("full", [255, 65_535])
+@pytest.mark.parametrize("carrier", [False, True])
+def test_a_trace_of_converter_steps_is_packed_and_any_other_is_kept(full: int, carrier: bool) -> None:
+    steps = np.array([0, 1, 77, full - 1, full]) / full
+    trace = Trace(2 * steps - 1 if carrier else steps, 80e3, 0.001, carrier)
+    stored = packed(trace)
+    assert isinstance(stored, PackedTrace)
+    np.testing.assert_array_equal(stored.samples, trace.samples)
+    assert (stored.rate, stored.start, stored.carrier) == (trace.rate, trace.start, carrier)
+    for samples in (steps + 0.3 / full, [0.0, math.nan], [0.0, 1 + 1 / full]):
+        between = Trace(np.array(samples), 80e3, 0.0)
+        assert packed(between) is between
