@@ -47,6 +47,7 @@ class Memory:
     layout: Mapping[str, QByteArray] = field(default_factory=dict)  # as saved by Qt, by name of the part
     layouts: Mapping[str, tuple[QByteArray, QByteArray]] = field(default_factory=dict)  # panels and views, by name
     introduced: bool = False  # whether the hint of the first start has ended
+    pictures: Mapping[str, QByteArray] = field(default_factory=dict)  # PNG of the plan, by recent file
 
 
 def memory_file() -> Path:
@@ -73,6 +74,7 @@ def read_memory(path: Path) -> Memory:
             url=_text(file, "scanner"),
             scan_settings=_value(file, "scan", ScanSettings),
             recent=_texts(file, "recent/files"),
+            pictures={name: picture for name, (picture,) in _arrays(file, "pictures", "file", ("plan",)).items()},
             urls=_texts(file, "recent/scanners"),
             look=_look(file),
             view=TypeAdapter(int).validate_python(file.value("view", 0)),
@@ -81,7 +83,10 @@ def read_memory(path: Path) -> Memory:
                 for name in names
                 if name.startswith("layout/") and isinstance(data := file.value(name), QByteArray)
             },
-            layouts=_layouts(file),
+            layouts={
+                name: (panels, views)
+                for name, (panels, views) in _arrays(file, "layouts", "name", ("panels", "views")).items()
+            },
             introduced=_text(file, "introduced") == "true",
         )
     except ValidationError as error:
@@ -107,29 +112,34 @@ def write_memory(path: Path, memory: Memory) -> None:
     file.setValue("view", memory.view)
     for name, data in memory.layout.items():
         file.setValue(f"layout/{name}", data)
-    file.beginWriteArray("layouts", len(memory.layouts))
-    for number, (name, (panels, views)) in enumerate(sorted(memory.layouts.items())):
-        file.setArrayIndex(number)
-        file.setValue("name", name)
-        file.setValue("panels", panels)
-        file.setValue("views", views)
-    file.endArray()
+    layouts = {name: {"panels": panels, "views": views} for name, (panels, views) in sorted(memory.layouts.items())}
+    _write_arrays(file, "layouts", "name", layouts)
+    _write_arrays(file, "pictures", "file", {name: {"plan": picture} for name, picture in memory.pictures.items()})
     file.setValue("introduced", "true" if memory.introduced else "false")
     file.sync()
     if file.status() is not QSettings.Status.NoError:
         raise OutputError(f"{path}: cannot be written; the next start uses older settings")
 
 
-def _layouts(file: QSettings) -> dict[str, tuple[QByteArray, QByteArray]]:
-    """Return the named layouts; one that is incomplete is left out."""
-    layouts = {}
-    for number in range(file.beginReadArray("layouts")):
+def _arrays(file: QSettings, array: str, name: str, keys: Sequence[str]) -> dict[str, list[QByteArray]]:
+    """Return the values of `keys` by the value of `name`; an entry that is incomplete is left out."""
+    entries = {}
+    for number in range(file.beginReadArray(array)):
         file.setArrayIndex(number)
-        panels, views = file.value("panels"), file.value("views")
-        if isinstance(panels, QByteArray) and isinstance(views, QByteArray):
-            layouts[_text(file, "name")] = panels, views
+        values = [value for key in keys if isinstance(value := file.value(key), QByteArray)]
+        if len(values) == len(keys):
+            entries[_text(file, name)] = values
     file.endArray()
-    return layouts
+    return entries
+
+
+def _write_arrays(file: QSettings, array: str, name: str, entries: Mapping[str, Mapping[str, QByteArray]]) -> None:
+    file.beginWriteArray(array, len(entries))
+    for number, (entry, values) in enumerate(entries.items()):
+        file.setArrayIndex(number)
+        for key, value in ((name, entry), *values.items()):
+            file.setValue(key, value)
+    file.endArray()
 
 
 def _damaged(path: Path, why: str) -> InputError:

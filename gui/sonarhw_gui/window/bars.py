@@ -5,7 +5,7 @@ from math import ceil
 from pathlib import Path
 
 from PySide6 import QtGui, QtWidgets
-from PySide6.QtCore import QMargins, Qt, QTimer, Signal, Slot
+from PySide6.QtCore import QMargins, QSize, Qt, QTimer, Signal, Slot
 from PySide6.QtGui import QAction
 from sonarhw_compare.match import Kind
 from sonarhw_compare.scanner_url import is_fake
@@ -171,6 +171,7 @@ class Hint(QtWidgets.QFrame):
 
 _MOST_RECENT = 5
 _PAGE_WIDTH = 460  # pixels
+PICTURE = QSize(128, 96)  # pixels, of a recent file
 _STARTS = ("watch_demo", "new_room", "open_room", "open_log", "import_scan", "connect_scanner")
 
 
@@ -203,11 +204,16 @@ class StartPage(QtWidgets.QScrollArea):
     def show_state(self, empty: bool) -> None:
         """Show the page if nothing is open."""
         if empty and self.isHidden():
-            while (item := self._files.takeAt(0)) is not None:
-                item.widget().deleteLater()
-            for action in self._recent.actions()[:_MOST_RECENT]:
-                self._files.addWidget(_start_button(action, "Open recent: "))
+            self.show_recent()
         self.setVisible(empty)
+
+    @Slot()
+    def show_recent(self) -> None:
+        """List the files of the menu again."""
+        while (item := self._files.takeAt(0)) is not None:
+            item.widget().deleteLater()
+        for action in self._recent.actions()[:_MOST_RECENT]:
+            self._files.addWidget(_start_button(action, "Open recent: "))
 
 
 def _start_button(action: QAction, before: str = "") -> QtWidgets.QPushButton:
@@ -216,6 +222,8 @@ def _start_button(action: QAction, before: str = "") -> QtWidgets.QPushButton:
     button.setMinimumWidth(_PAGE_WIDTH)
     button.setStyleSheet("text-align: left; padding: 6px 12px")
     button.setToolTip(action.toolTip())
+    button.setIcon(action.icon())
+    button.setIconSize(PICTURE)
     button.clicked.connect(action.trigger)
     return button
 

@@ -6,8 +6,8 @@ from itertools import count
 from pathlib import Path
 from typing import BinaryIO
 
-from PySide6.QtCore import QMimeData, QObject, Qt, Slot
-from PySide6.QtGui import QAction, QGuiApplication, QImage
+from PySide6.QtCore import QBuffer, QByteArray, QIODevice, QMimeData, QObject, Qt, Slot
+from PySide6.QtGui import QAction, QGuiApplication, QIcon, QImage, QPixmap
 from PySide6.QtWidgets import QFileDialog, QInputDialog, QMainWindow, QMenu, QWidget
 from sonarhw_compare.picture_file import FILMS
 from sonarhw_compare.room_import.inputs import METRES
@@ -20,7 +20,9 @@ from sonarhw_gui.session.session import WindowSession
 from sonarhw_gui.session.source import Replay
 from sonarhw_gui.session.status import link_figures
 from sonarhw_gui.views.base import View, png_pixels, svg_text
+from sonarhw_gui.views.plan import PlanDrawing
 from sonarhw_gui.widgets import plain_tip, show_alone
+from sonarhw_gui.window.bars import PICTURE
 from sonarhw_gui.window.dialogs import RecordingsDialog, open_dialog
 from sonarhw_gui.window.import_dialog import ImportDialog
 from sonarhw_gui.window.views import ViewArea
@@ -37,6 +39,7 @@ class FileCommands(QMenu):
         self._session, self._window = session, window
         # queued: a file named on the command line is opened before the window is visible
         session.import_asked.connect(self._ask_how_to_read, Qt.ConnectionType.QueuedConnection)
+        self.pictures: dict[str, QByteArray] = {}  # PNG of the plan, by recent file
         self._to_import: list[Path] = []  # scans that wait for the dialog of the one before
         self._importing: ImportDialog | None = None
         self.shipped = QMenu("Open shipped room", window)
@@ -55,8 +58,28 @@ class FileCommands(QMenu):
             action = self.addAction(Path(path).name)
             action.setData(path)
             action.setToolTip(plain_tip(path))
+            if path in self.pictures:
+                picture = QPixmap()
+                picture.loadFromData(self.pictures[path])
+                action.setIcon(QIcon(picture))
+                action.setIconVisibleInMenu(False)
         self.setToolTipsVisible(True)
         self.setEnabled(bool(paths))
+
+    def keep_picture(self, plan: PlanDrawing) -> None:
+        """Keep a small picture of the plan for the newest file, once its readings and its prediction are drawn."""
+        shown, recent = self._session.shown, self._session.documents.recent
+        drawn = shown.outline is not None and not shown.outdated and plan.isVisible()
+        if drawn and recent and recent[0] not in self.pictures:
+            small = plan.grab(plan.plot.vb.sceneBoundingRect().toRect()).scaled(  # without the axes
+                PICTURE, Qt.AspectRatioMode.KeepAspectRatio, Qt.TransformationMode.SmoothTransformation
+            )
+            picture = QBuffer()
+            picture.open(QIODevice.OpenModeFlag.WriteOnly)
+            small.save(picture, "PNG")
+            self.pictures = {path: data for path, data in self.pictures.items() if path in recent}
+            self.pictures[recent[0]] = picture.data()
+            self.show_recent(recent)
 
     def can_drop(self, dropped: QMimeData) -> bool:
         """Return whether files are dragged; what they contain is looked at when they are opened."""

@@ -38,12 +38,14 @@ from sonarhw_gui.window.window import MainWindow
 def memory_of(window: MainWindow) -> Memory:
     """Return the state of a window. Call this before the window is hidden."""
     session = window.session
+    window.files.keep_picture(window.views.plan.drawing)
     return Memory(
         scene=SceneMemory.of(session.shown.scene),
         log=session.log_file,
         url=session.scanners.url,
         scan_settings=session.live.settings,
         recent=session.documents.recent,
+        pictures=dict(window.files.pictures),
         urls=session.scanners.urls,
         look=session.shown.look,
         view=window.views.stage.currentIndex(),
@@ -59,6 +61,7 @@ def memory_of(window: MainWindow) -> Memory:
 
 def restore_window(window: MainWindow, memory: Memory) -> None:
     """Restore lists and layout; a part that no longer exists, or that Qt refuses, keeps its default."""
+    window.files.pictures.update(memory.pictures)
     window.session.remember_used(memory.recent, memory.urls)
     window.restoreGeometry(memory.layout.get("window", QByteArray()))
     window.restoreState(memory.layout.get("docks", QByteArray()))

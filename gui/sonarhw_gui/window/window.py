@@ -286,6 +286,7 @@ class MainWindow(QtWidgets.QMainWindow):
         session = self.session
         return (
             (session.replay_changed, self._show_commands),
+            (session.recent_changed, self.start_page.show_recent),
             (self.banner.opened, self._make_room),
             (self.legend.switched, session.showing.switch),
             (self.toolbar.place.textActivated, session.showing.set_place),

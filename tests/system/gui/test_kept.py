@@ -11,18 +11,20 @@ import sonarhw_compare.scans as note_file
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from PySide6.QtCore import QByteArray, Qt
+from PySide6.QtGui import QColor
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QLineEdit, QMenu
+from PySide6.QtWidgets import QLineEdit, QMenu, QPushButton
 from sonarhw_compare.scans import notes_of_log, notes_path
 from sonarhw_gui.jobs.files import open_room
 from sonarhw_gui.model.edits import sensor_at, with_air_state, with_corner, with_options
-from sonarhw_gui.model.look import DARK, LengthUnit, Look
+from sonarhw_gui.model.look import DARK, LIGHT, LengthUnit, Look
 from sonarhw_gui.model.rows import Column
 from sonarhw_gui.model.scene import Scene, SceneMemory
 from sonarhw_gui.session.kept import Memory, UnsavedRooms, read_memory, read_unsaved, write_memory, write_unsaved
 from sonarhw_gui.session.notices import Notices
 from sonarhw_gui.session.scanner import ScannerTarget, ScanSettings
 from sonarhw_gui.session.session import WindowSession
+from sonarhw_gui.window.bars import PICTURE
 from sonarhw_gui.window.window import MainWindow
 from sonarhw_sim.air import Unit
 from sonarhw_sim.board.profile import load_board, parse_board
@@ -165,6 +167,23 @@ def test_written_settings_are_read_back_and_an_empty_file_gives_defaults(
     assert read_memory(file) == memory
     file.write_text("")
     assert read_memory(file) == Memory()
+
+
+def test_the_start_page_shows_a_picture_of_the_plan_of_each_recent_file(
+    open_with: OpenWith, scene: Scene, recorded: Path, tmp_path: Path
+) -> None:
+    memory, nothing = tmp_path / "window.ini", Scene(None, None, scene.board)
+    window = open_with(scene=nothing, memory=memory)
+    window.session.open_file(str(recorded))
+    until(lambda: predicted(window))
+    window.close()
+    page = open_with(scene=nothing, memory=memory).start_page
+    until(page.isVisible)
+    newest = next(button for button in page.findChildren(QPushButton) if recorded.name in button.text())
+    picture = newest.icon().pixmap(PICTURE).toImage()
+    colours = [picture.pixelColor(x, y) for x in range(picture.width()) for y in range(picture.height())]
+    orange = QColor(LIGHT.measured)
+    assert sum(abs(colour.hue() - orange.hue()) < 8 and colour.saturation() > 150 for colour in colours) > 8
 
 
 def test_settings_in_what_is_no_file_are_neither_read_nor_replaced(tmp_path: Path) -> None:
