@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from sonarhw.readings import FloatArray
 from sonarhw_sim.board.beam import ComplexArray
 from sonarhw_sim.rays import fan
+from sonarhw_sim.rays.diffraction import EdgeDiffraction
 from sonarhw_sim.rays.sequences import PartialPaths
 from sonarhw_sim.rays.small_waves import SmallWalls
 from sonarhw_sim.room.room import Room
@@ -20,6 +21,7 @@ from sonarhw_sim.room.small_things import Cluster, Followed
 
 _AT_CENTRE = 1e-6  # m
 _TURN, _LEAST_TURNS, _LARGEST_TURN = 0.06, 1.2, 0.5  # of `passing_share`: rad; half shadows; rad
+_LOUDEST = 2.0  # amplitude: no cluster returns more
 _BEYOND_WALL = 1.35  # amplitude: the most that a strip returns, relative to an endless wall
 _FEWEST_POINTS = 3
 
@@ -89,8 +91,7 @@ def by_clusters(
     back: PartialPaths,
     followed: Followed,
     room: Room,
-    wavelength: float,
-    faintest: float,
+    diffraction: EdgeDiffraction,
     limits: tuple[float, int],
 ) -> PartialPaths:
     """Return the paths of ways `out` to the centres of clusters and ways `back` to them, reversed.
@@ -106,7 +107,7 @@ def by_clusters(
             first = ways.select(np.flatnonzero(ways.places == place))
             second = first if back is out else returning.select(np.flatnonzero(returning.places == place))
             if len(first) and len(second):
-                parts.append(_joined(first, second, cluster, room, wavelength, faintest, limits))
+                parts.append(_joined(first, second, cluster, room, diffraction, limits))
     return PartialPaths.join(parts) if parts else PartialPaths.none()
 
 
@@ -144,54 +145,100 @@ def _joined(
     second: PartialPaths,
     cluster: Cluster,
     room: Room,
-    wavelength: float,
-    faintest: float,
+    diffraction: EdgeDiffraction,
     limits: tuple[float, int],
 ) -> PartialPaths:
     """Return the paths by a cluster of each of the `first` ways and each of the `second`, reversed."""
-    factors, delays = _factors(first, second, cluster, room, wavelength)
-    gains = first.gains[:, None] * second.gains * np.abs(factors)
-    lengths = first.lengths[:, None] + second.lengths
-    bounces = first.bends[:, None] + second.bends
-    one, other = np.nonzero((gains >= faintest) & (lengths <= limits[0]) & (bounces <= limits[1]))
-    fan.check_size(len(one), int(bounces.max(initial=0)) + _FEWEST_POINTS)
+    one, other = _loud_pairs(first, second, cluster, diffraction, limits)
+    # most ways are too long or too faint for any pair
+    if first is second:
+        used = np.unique(np.append(one, other))
+        first = second = first.select(used)
+        one, other = np.searchsorted(used, one), np.searchsorted(used, other)
+    else:
+        (used, one), (again, other) = (np.unique(rows, return_inverse=True) for rows in (one, other))
+        first, second = first.select(used), second.select(again)
+    factors, delays = _factors(first, second, (one, other), cluster, room, diffraction.wavelength)
+    gains = first.gains[one] * second.gains[other] * np.abs(factors)
+    kept = np.flatnonzero(gains * _best_heading(first, second, one, other, diffraction.beams) >= diffraction.faintest)
+    one, other, gains, factors, delays = one[kept], other[kept], gains[kept], factors[kept], delays[kept]
     before, after = first.bends[one], second.bends[other]
     most = int((before + after).max(initial=0))
+    fan.check_size(len(one), most + _FEWEST_POINTS)
     surfaces = np.empty((len(one), most), np.int32)
     points = np.empty((len(one), most + _FEWEST_POINTS, 2))
     fan.fill_rows(surfaces, first.surfaces, one, before, second.surfaces, other, after)
     fan.fill_rows(points, first.points, one, before + 2, second.points, other, after + 1)
     # the delay is part of the length, and the phase is that of the wave
-    delay = np.clip(delays[one, other], -2 * cluster.radius, 2 * cluster.radius)
-    phases = np.angle(factors[one, other]) + math.tau / wavelength * delay + first.phases[one] + second.phases[other]
+    delay = np.clip(delays, -2 * cluster.radius, 2 * cluster.radius)
+    phases = np.angle(factors) + math.tau / diffraction.wavelength * delay + first.phases[one] + second.phases[other]
     edges = np.full(len(one), _edge_of(cluster, room), np.int32)
-    return PartialPaths(
-        lengths[one, other] + delay, gains[one, other], phases, surfaces, edges, before, points, first.places[one]
-    )
+    lengths = first.lengths[one] + second.lengths[other] + delay
+    return PartialPaths(lengths, gains, phases, surfaces, edges, before, points, first.places[one])
+
+
+def _loud_pairs(
+    first: PartialPaths,
+    second: PartialPaths,
+    cluster: Cluster,
+    diffraction: EdgeDiffraction,
+    limits: tuple[float, int],
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the pairs of ways that are short enough, and that a cluster of this width may make loud enough."""
+    parts = [(np.empty(0, np.intp), np.empty(0, np.intp))]
+    seconds = np.arange(len(second))
+    for row in range(len(first)):
+        short = first.lengths[row] + second.lengths <= limits[0]
+        short &= first.bends[row] + second.bends <= limits[1]
+        other = seconds[short]
+        one = np.full(len(other), row)
+        # a plate of the width, straight ahead, returns half of this
+        inverse = 1.0 / first.lengths[row] + 1.0 / second.lengths[other]
+        most = np.minimum(2.0 * cluster.width * np.sqrt(inverse / diffraction.wavelength), _LOUDEST)
+        bounds = first.gains[row] * second.gains[other] * most
+        loud = bounds >= diffraction.faintest
+        one, other, bounds = one[loud], other[loud], bounds[loud]
+        bounds = bounds * _best_heading(first, second, one, other, diffraction.beams)
+        loud = bounds >= diffraction.faintest
+        parts.append((one[loud], other[loud]))
+    fan.check_size(sum(len(one) for one, _ in parts), _FEWEST_POINTS)
+    return np.concatenate([one for one, _ in parts]), np.concatenate([other for _, other in parts])
+
+
+def _best_heading(
+    first: PartialPaths,
+    second: PartialPaths,
+    one: NDArray[np.intp],
+    other: NDArray[np.intp],
+    beams: FloatArray,
+) -> FloatArray:
+    """Return both beam factors at the best heading for pairs of ways, (p,)."""
+    away, back = first.points[one, 1] - first.points[one, 0], second.points[other, 1] - second.points[other, 0]
+    return np.asarray(beams[(_angles(away, back) / math.pi * (len(beams) - 1)).astype(np.intp)])
 
 
 def _factors(
-    first: PartialPaths, second: PartialPaths, cluster: Cluster, room: Room, wavelength: float
+    first: PartialPaths,
+    second: PartialPaths,
+    pairs: tuple[NDArray[np.intp], NDArray[np.intp]],
+    cluster: Cluster,
+    room: Room,
+    wavelength: float,
 ) -> tuple[ComplexArray, FloatArray]:
-    """Return what the cluster scatters from each of the first ways to each of the second, and its delay, m."""
+    """Return what the cluster scatters from the first to the second ways of pairs (p,), and its delay, (p,) m."""
     small = SmallWalls(cluster.local, wavelength, cluster.openings, cluster.on_wall)
     sources = _sources(first, cluster)
     receivers = None if second is first else _sources(second, cluster)
-    factors, delays = small.factors(sources, receivers)
+    factors, delays = small.factors(sources, receivers, pairs)
     rows = list(cluster.walls)
     lengths = np.hypot(*(room.walls[rows, 2:] - room.walls[rows, :2]).T)
     factors = factors * float((room.reflectances[rows] * lengths).sum() / lengths.sum())
     if not cluster.on_wall:
-        ends = sources if receivers is None else receivers
-        turns = np.abs(np.angle(-np.outer(_complex(sources), np.conj(_complex(ends)))))
-        before, after = np.broadcast_arrays(first.lengths[:, None], second.lengths)
-        radii = np.full(turns.shape, cluster.radius)
-        factors = factors * (1.0 - passing_share(turns, radii, before, after))
+        one, other = sources[pairs[0]], (sources if receivers is None else receivers)[pairs[1]]
+        before, after = first.lengths[pairs[0]], second.lengths[pairs[1]]
+        radii = np.full(len(before), cluster.radius)
+        factors = factors * (1.0 - passing_share(_angles(-one, other), radii, before, after))
     return factors, delays
-
-
-def _complex(points: FloatArray) -> ComplexArray:
-    return np.asarray(points[:, 0] + 1j * points[:, 1])
 
 
 def _sources(ways: PartialPaths, cluster: Cluster) -> FloatArray:

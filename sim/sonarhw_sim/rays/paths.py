@@ -246,8 +246,7 @@ def _paths_by_clusters(
 
     out = ways(sources, ends, search)
     back = out if ends is sources else ways(ends, sources, search.reversed)
-    limits = longest, bounces
-    return by_clusters(out, back, small, room, search.wavelength, search.faintest_diffraction, limits)
+    return by_clusters(out, back, small, room, search.edge_diffraction, (longest, bounces))
 
 
 def _by_rays(

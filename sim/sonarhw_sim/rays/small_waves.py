@@ -29,6 +29,7 @@ _NEAR = 4.0  # panel lengths: nearer, the logarithm is integrated exactly
 _POINTS = 4  # on a panel, for integrals of near ones
 _NODES, _WEIGHTS = (np.polynomial.legendre.leggauss(_POINTS) + np.array([[1.0], [0.0]])) / 2.0
 _MEETING = 1e-7  # m
+_AT_ONCE = 2000  # pairs of source and receiver
 _STEP = 0.015  # of the wave number, to find the delay: half of the band of a burst of 16 cycles
 
 
@@ -41,27 +42,42 @@ class SmallWalls:
     openings: tuple[tuple[float, float], ...] = ()  # of the endless wall, from x to x
     on_wall: bool = False
 
-    def factors(self, sources: FloatArray, receivers: FloatArray | None = None) -> tuple[ComplexArray, FloatArray]:
-        """Return the scattered sound from `sources` (n, 2) to `receivers` (m, 2), (n, m), and its delay, (n, m) m.
+    def factors(
+        self, sources: FloatArray, receivers: FloatArray | None, pairs: tuple[NDArray[np.intp], NDArray[np.intp]]
+    ) -> tuple[ComplexArray, FloatArray]:
+        """Return the scattered sound from `sources` (n, 2) to `receivers` (m, 2), (p,), and its delay, (p,) m.
 
-        It is relative to sound by way of the origin. On an endless wall, it is the difference from what the wall alone
-        returns with its openings closed. Without `receivers`, these are the sources.
+        `pairs` (p,) are rows of both; without `receivers`, these are the sources. The sound is relative to sound by way
+        of the origin. On an endless wall, it is the difference from what the wall alone returns with its openings
+        closed.
         """
         number = math.tau / self.wavelength
-        here, beside = (self._relative(k, sources, receivers) for k in (number, number * (1.0 + _STEP)))
+        here, beside = (self._relative(k, sources, receivers, pairs) for k in (number, number * (1.0 + _STEP)))
         delays = -np.angle(beside * np.conj(here)) / (_STEP * number)
         return here, np.asarray(delays)
 
-    def _relative(self, number: float, sources: FloatArray, receivers: FloatArray | None) -> ComplexArray:
+    def _relative(
+        self,
+        number: float,
+        sources: FloatArray,
+        receivers: FloatArray | None,
+        pairs: tuple[NDArray[np.intp], NDArray[np.intp]],
+    ) -> ComplexArray:
         from scipy.special import hankel2  # slow to import, and most rooms have no small walls
 
-        one = self._caused(number, sources)
-        other = one if receivers is None else self._caused(number, receivers)
-        total = one.T @ (_inverse(self, number) @ other)
-        ends = sources if receivers is None else receivers
-        if receivers is None:
-            total = (total + total.T) / 2  # equal to the last bit when exchanged
-        lengths = np.hypot(*sources.T)[:, None] + np.hypot(*ends.T)
+        inverse, ends = _inverse(self, number), sources if receivers is None else receivers
+        one = self._caused(number, sources).T
+        other = one if receivers is None else self._caused(number, receivers).T
+        answers = other @ inverse
+        total = np.empty(len(pairs[0]), np.complex128)
+        for begin in range(0, len(total), _AT_ONCE):
+            part = slice(begin, begin + _AT_ONCE)
+            first, second = pairs[0][part], pairs[1][part]
+            total[part] = np.einsum("pu,pu->p", one[first], answers[second])
+            if receivers is None:
+                # equal to the last bit when exchanged
+                total[part] = (total[part] + np.einsum("pu,pu->p", one[second], answers[first])) / 2.0
+        lengths = np.hypot(*sources[pairs[0]].T) + np.hypot(*ends[pairs[1]].T)
         return np.asarray(total / (-0.25j * hankel2(0, number * lengths)))
 
     @property
