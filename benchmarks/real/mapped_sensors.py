@@ -2,23 +2,29 @@
 
 Finds the arena from one scan of each sensor at each place. Positions are known within 3 cm, headings are unknown, the
 profile is the generic one. With `--known`, headings are known within 5°, as by `locate`. `--quick` and `--thorough` are
-the other levels of effort. Printed are the walls of the
-arena that are found within 3 cm and 2°, the number of other walls, the verdict, and the processor and elapsed time.
-Last come the shares of the 95 % intervals of right walls that hold the true offset and direction.
+the other levels of effort. `--refined` begins with the arena and these headings, and finds no walls.
+
+Printed are the walls of the arena that are found within 3 cm and 2°, the number of other walls, the verdict, and the
+processor and elapsed time. Last come the shares of the 95 % intervals that hold the true offset and direction: of right
+walls, or with `--refined` of all walls.
 """
 
 import math
 import os
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from sonarhw_compare.edits import Z95
 from sonarhw_compare.locate import PoseSpread
+from sonarhw_compare.rooms.candidates import touches_of
+from sonarhw_compare.rooms.draft import draft_of_room
 from sonarhw_compare.rooms.effort import Effort
-from sonarhw_compare.rooms.evidence import Course
+from sonarhw_compare.rooms.evidence import FINE, ROUGH, Course, evidence_of, scored
+from sonarhw_compare.rooms.frame import in_frame
 from sonarhw_compare.rooms.outcome import verdict_of
-from sonarhw_compare.rooms.refinement import Move
+from sonarhw_compare.rooms.refinement import Move, deviations_of, refined, with_threshold
 from sonarhw_compare.rooms.search import FoundRoom, find_room_and_poses
 from sonarhw_sim.board.profile import load_board
 
@@ -39,6 +45,7 @@ def main() -> None:
         known="headings are known within 5°",
         quick="search quickly",
         thorough="search thoroughly",
+        refined="refine the arena with known headings, and find no walls",
     )
     effort = Effort.QUICK if chosen.quick else Effort.THOROUGH if chosen.thorough else Effort.NORMAL
     teams: dict[str, list[RealScan]] = {}
@@ -46,10 +53,13 @@ def main() -> None:
         spots = {scan.spot: scan for scan in reversed(scans)}  # the first one at each place
         teams.setdefault(SAME_TEAM.get(sensor, sensor), []).extend(reversed(spots.values()))
     tested = chosen.sensors.split(",") if chosen.sensors else list(teams)
-    held = [print_room(sensor, teams[sensor], chosen.known, effort) for sensor in tested]
+    if chosen.refined:
+        held = [print_refined(sensor, teams[sensor]) for sensor in tested]
+    else:
+        held = [print_room(sensor, teams[sensor], chosen.known, effort) for sensor in tested]
     offsets, turns = (np.concatenate(several) for several in zip(*held, strict=True))
     print(
-        f"95 % intervals of {len(offsets)} right walls hold {offsets.mean():.2f} of the offsets, "
+        f"95 % intervals of {len(offsets)} walls hold {offsets.mean():.2f} of the offsets, "
         f"{turns.mean():.2f} of the directions"
     )
 
@@ -70,6 +80,20 @@ def print_room(sensor: str, scans: Sequence[RealScan], known: bool, effort: Effo
         flush=True,
     )
     return holds(found, names)
+
+
+def print_refined(sensor: str, scans: Sequence[RealScan]) -> tuple[FloatArray, FloatArray]:
+    """Print the arena as refined to the scans of a sensor; return whether intervals hold, as `print_room`."""
+    placed = [at_mark(scan, nearest_pose(scan).heading) for scan in scans]
+    evidence = evidence_of(placed, [KNOWN] * len(placed), load_board("lego-nxt"), ROOM.air)
+    best = scored(evidence, replace(draft_of_room(ROOM), places=tuple(scan.place for scan in placed)))
+    for _ in range(2):
+        best = with_threshold(evidence, best)
+        best = scored(evidence, in_frame(evidence, refined(evidence, best.draft, ROUGH, 4).draft))
+    draft = in_frame(evidence, refined(evidence, best.draft, FINE, 8, with_headings=True).draft)
+    names = wall_names(draft.segments)
+    print(f"{sensor:3} {len(set(names) - {None})} of {len(ROOM.walls)} walls within 3 cm and 2°", flush=True)
+    return holds(FoundRoom(draft, deviations_of(evidence, draft), touches_of(evidence, draft), 0.0), ROOM.names)
 
 
 def holds(found: FoundRoom, names: Sequence[str | None]) -> tuple[FloatArray, FloatArray]:

@@ -569,6 +569,8 @@ def map_room(
         followed, moved, placed = room_found.room, room_found.board, room_found.found.scans
     mapped = map_scans(placed, moved, followed, lambda share: progress(share, "mapping"))
     doubts = (*_map_doubts(mapped, room is not None, room_found), *_own_body_doubts(placed, profile))
+    if room_found is not None and effort is Effort.QUICK:
+        doubts = ("a quick search: the walls are rough, and some may be wrong", *doubts)
     same = not poses and all(not isinstance(place, Place) for place in _places(places))
     recorded = given[0].recorded_room if same and len({scan.room_text for scan in given}) == 1 else None
     return MappedScans(mapped, followed, room_found, recorded, doubts)

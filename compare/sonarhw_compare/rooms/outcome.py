@@ -368,7 +368,10 @@ def verdict_of(result: FoundRoom) -> Verdict:
         if echoes and 1 - missing / echoes < least
     ]
     misfits += result.left_out
-    reasons = []
+    reasons = [
+        f"{harmless(title)} is {away:.2f} m from its stated position, ± {deviation:.2f} m"
+        for title, (away, deviation) in result.displaced.items()
+    ]
     if explained < by_sensors.usual_explained - by_sensors.usual_explained_sd:
         reasons.append(
             f"only {explained:.0%} of {result.echoes} echoes are explained; at the right pose in known rooms, "

@@ -97,7 +97,8 @@ def _with_part(evidence: Evidence, best: Scored, arcs: tuple[Arc, ...], unexplai
     """Return the draft with the wall or post that explains most, refined and pruned; None if it is not worth more."""
     longer = with_wall(evidence, best, arcs, unexplained)
     # a post looks like short walls; a corner looks like a post until its walls are known
-    if longer.score - best.score < PRICE or _newest_length(longer.draft) < _SHORT:
+    is_short = longer.score - best.score < PRICE or _newest_length(longer.draft) < _SHORT
+    if is_short and evidence.course.effort is not Effort.QUICK:
         longer = max((longer, with_post(evidence, best, arcs, unexplained)), key=lambda draft: draft.score)
     if longer.score - best.score < PRICE:
         return None
@@ -168,18 +169,20 @@ def with_wall(
     noise: ReadingNoise = ROUGH,
 ) -> Scored:
     """Return the draft with the wall that explains most; the draft itself without a candidate."""
-    most = _TRIED_QUICKLY if evidence.course.effort is Effort.QUICK else _TRIED
+    is_quick = evidence.course.effort is Effort.QUICK
+    most = _TRIED_QUICKLY if is_quick else _TRIED
     found_lines = candidates.wall_candidates(arcs, unexplained, most, common_angle(best.draft))
     walls = [wall for wall in found_lines if not evidence.refuses(wall)]
     alone = all_scored(evidence, (best.draft.with_new_wall(wall)[0] for wall in walls), noise)
     tried = sorted(zip(alone, walls, strict=True), key=lambda scored_wall: -scored_wall[0].score)
     completed = [draft for _, wall in tried[:_COMPLETED] for draft in candidates.joined(best.draft, wall)]
-    points = [post.center for post in candidates.post_candidates(arcs, unexplained, _CORNERS, (0.0,))]
-    completed += [
-        draft
-        for draft in (*candidates.cornered(best.draft, points), *candidates.continued(best.draft))
-        if not evidence.refuses(draft.walls[max(draft.walls)])
-    ]
+    if not is_quick:
+        points = [post.center for post in candidates.post_candidates(arcs, unexplained, _CORNERS, (0.0,))]
+        completed += [
+            draft
+            for draft in (*candidates.cornered(best.draft, points), *candidates.continued(best.draft))
+            if not evidence.refuses(draft.walls[max(draft.walls)])
+        ]
     drafts = [
         *(alone_best for alone_best, _ in tried[:1]),
         *leading(evidence, completed, _least_explained(unexplained), noise),
@@ -346,6 +349,8 @@ class FoundRoom:
     # possible poses of each located scan, by its title, in the room of the scans before it
     poses: Mapping[str, tuple[Pose, ...]] = field(default_factory=dict)
     left_out: tuple[str, ...] = ()  # titles of the scans that could not be located
+    # by title of the scan: m from where it was stated to be, and the stated deviation, where this is improbable
+    displaced: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def echoes(self) -> int:
@@ -593,6 +598,7 @@ _TRIED_POSES = 3  # poses of a scan, each of which needs a room
 _HEADINGS_DONE = 0.03  # share of a search after headings are solved
 _LOCATING, _TRYING = 0.02, 0.25  # of what is left of a part of the progress, for a scan and for a room or a scan alone
 _TURNED_AGAIN = 2  # times that solved headings are determined in the room, and the room is found from these
+_DISPLACED = 3.7  # standard deviations of a position, which one of 1000 right ones exceeds
 _LEAST_LEFT = 2  # scans, of which a room is found without one of them
 _OTHER_HEADING = math.radians(1.5)  # rad, by which a heading in the room of the other scans is another one
 _NARROW = PoseSpread(0.1, math.radians(6))  # up to this spread, a scan is placed where it is given, else it is located
@@ -679,6 +685,12 @@ def find_room_and_poses(
         scans=tuple(stage.refined.values()),
         poses={scans[k].title: found_here for k, found_here in sorted(poses.items())},
         left_out=tuple(scan.title for k, scan in enumerate(scans) if k not in stage.placed),
+        displaced={
+            scans[k].title: (away, spreads[k].xy)
+            for k, scan in stage.refined.items()
+            for away in [math.dist(scan.place.position, scans[k].place.position)]
+            if away > _DISPLACED * spreads[k].xy
+        },
     )
 
 

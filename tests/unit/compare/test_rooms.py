@@ -320,6 +320,13 @@ def test_what_explains_few_echoes_or_is_seen_from_one_place_is_no_room(
     assert set(left_out) <= set(verdict.misfits)
 
 
+def test_a_scan_far_from_its_stated_position_refutes_the_room() -> None:
+    scans = tuple(PlacedScan((), Place(name, (1.0, 1.0)), name) for name in "abc")
+    touches = Touches({}, (), (20,) * 3, (1, 1, 1), dict.fromkeys(range(4), frozenset(range(3))))
+    found = replace(rectangle(), touches=touches, scans=scans, displaced={"b": (0.25, 0.03)})
+    assert verdict_of(found).reasons == ("b is 0.25 m from its stated position, ± 0.03 m",)
+
+
 def test_the_next_scan_is_proposed_where_most_readings_are_of_an_uncertain_wall_and_towards_it() -> None:
     def proposed(found: FoundRoom) -> list[tuple[tuple[float, float], float, object]]:
         places = next_places(found, found.draft.room(Air()), BOARD)
