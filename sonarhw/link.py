@@ -398,7 +398,10 @@ def _check_url(url: str) -> None:
         _check_copies(url)
     elif scheme not in KNOWN_SCHEMES:
         schemes = ", ".join(f"{name}://" for name in sorted((*WITH_HOST, *KNOWN_SCHEMES)))
-        raise InputError(f"{url}: unknown scheme {scheme}://; expected {schemes}, or the name of a serial port")
+        address = url.partition("://")[2]
+        likely = re.fullmatch(r"([\w.-]+)(?::(\d+))?/?", address)
+        meant = f"did you mean socket://{likely[1]}:{likely[2] or 'PORT'}? " if likely else ""
+        raise InputError(f"{url}: unknown scheme {scheme}://; {meant}expected {schemes}, or the name of a serial port")
 
 
 def _check_copies(url: str) -> None:
@@ -482,7 +485,14 @@ def _why_not_open(url: str, error: Exception) -> LinkError:
     if code == errno.EACCES or "Permission denied" in text or "PermissionError" in text:
         return LinkForbidden(f"{url}: no permission to open this port; {_how_to_get_permission(url)}")
     if code == errno.ENOENT or "FileNotFoundError" in text:
-        meant = f"; did you mean socket://{url}?" if re.fullmatch(r"[\w.-]+:\d+", url) else ""
+        likely = f"socket://{url}" if re.fullmatch(r"[\w.-]+:\d+", url) else f"/dev/{url}"
+        is_device = url.startswith(("tty", "cu.")) or os.path.exists(likely)
+        if rate := re.fullmatch(r"(/dev/[^:]+|COM\d+):(\d+)", url):
+            return LinkError(
+                f"{url}: there is no such port; did you mean {rate[1]}, or lines:{rate[1]}?baud={rate[2]}&preset=NAME "
+                "for a device that prints text?"
+            )
+        meant = f"; did you mean {likely}?" if likely.startswith("socket") or is_device else ""
         return LinkError(f"{url}: there is no such port; `sonarhw ports` lists the existing ones{meant}")
     if code == errno.EISDIR or "Inappropriate ioctl" in text:
         return LinkError(f"{url}: is not a serial port; `sonarhw ports` lists the existing ones")

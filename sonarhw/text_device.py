@@ -1,6 +1,7 @@
 """Devices that print text, at `lines:` URLs: settings, recognition by listening, and the plug-in that reads them."""
 
 import math
+import re
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -63,6 +64,8 @@ def read_lines_url(url: str) -> LinesUrl:
 
 
 def _values(url: str, query: str) -> dict[str, str]:
+    if "&" not in query and re.search(rf"[,;]({'|'.join(_KEYS)})=", query):
+        raise InputError(f"{url}: expected & between two keys, such as baud=9600&preset=csv")
     pairs = [part.partition("=") for part in query.split("&") if part]
     values = {unquote(key): unquote(value) for key, _, value in pairs}
     if unknown := sorted(set(values) - set(_KEYS)):

@@ -56,6 +56,8 @@ def _reworded(error: typer.TyperException) -> str:
         return message
     given = str(error.__cause__.errors()[0]["input"])
     unit = _UNIT.search(getattr(getattr(error, "param", None), "help", None) or "")
+    if re.fullmatch(r"-?\d+,\d+", given):
+        return f"{rejected[1]} {given}: {rejected[2]} with a decimal point, such as {given.replace(',', '.')}"
     has_unit = re.match(r"-?[\d.]+ ?[^\d.\s]", given) is not None
     return f"{rejected[1]} {given}: {rejected[2]}{f', in {unit[1]} and without a unit' if unit and has_unit else ''}"
 
@@ -69,7 +71,7 @@ _OTHER_WORDS = {
     "doctor": "diagnose selftest self-test test",
     "fake": "emulate emulator mock simulator virtual",
     "fit": "adjust optimise optimize",
-    "flash": "burn program update upgrade upload",
+    "flash": "burn install program update upgrade upload",
     "gui": "chart display draw edit graph live load open show view viewer visualise visualize window",
     "home": "reset zero",
     "import": "convert",
@@ -121,11 +123,23 @@ _OTHER_OPTIONS = (
         "the rate stands in the URL: `lines:/dev/ttyUSB0?baud=9600&preset=NAME`", "baud baudrate b rate speed", "URL"
     ),
     _Instead(
+        "its address is --tcp HOST:PORT; the URL of the scanner stands without an option before it",
+        "address host listen p port",
+        "URL",
+    ),
+    _Instead(
         "the URL of the scanner stands without an option before it, such as /dev/ttyUSB0 or COM3",
         "address com device host live p port serial tty url",
         "URL",
     ),
+    _Instead(
+        "the port of the controller stands without an option before it, such as /dev/ttyACM0 or COM3",
+        "address com device p port serial tty url usb",
+        "PORT",
+    ),
+    _Instead("the controller is --controller, such as --controller uno", "arduino board fqbn mcu target"),
     _Instead("its address is --tcp HOST:PORT", "address host listen p port url"),
+    _Instead("the preset stands in the URL: `lines:/dev/ttyUSB0?preset=NAME`", "format layout pattern preset", "URL"),
     _Instead("the noise of the receiver is --noise", "sd sigma std snr"),
     _Instead("the model is --model", "algorithm method mode"),
     _Instead(
@@ -134,7 +148,10 @@ _OTHER_OPTIONS = (
         "sector start stop",
     ),
     _Instead("the angle between readings is --step, in degrees", "angle-step increment resolution"),
-    _Instead("the number of sweeps is --sweeps", "count loops n number repeat repeats rounds scans times turns"),
+    _Instead(
+        "the number of sweeps is --sweeps",
+        "count duration loops minutes n number repeat repeats rounds scans seconds time times turns",
+    ),
     _Instead("the air stands in the room file, in the table [air]", "air humidity temp temperature", "ROOM"),
     _Instead("the unit stands in the URL: `lines:/dev/ttyUSB0?preset=NAME&unit=cm`", "unit units", "URL"),
     _Instead("pings at each heading are --pings", "average averages mean repetitions samples shots"),
@@ -151,7 +168,7 @@ _OTHER_OPTIONS = (
     _Instead(
         "the unit of the ranges is --unit, such as --unit cm", "cm ft in inches m mm range-unit", option="--scale"
     ),
-    _Instead("the unit of the angles is --angle, such as --angle rad", "deg degrees rad radians"),
+    _Instead("the unit of the angles is --angle, such as --angle rad", "angle-unit angles-in deg degrees rad radians"),
     _Instead(
         "separators and lines before the header are recognised",
         "delimiter header sep separator skip skip-header skip-rows skiprows",
@@ -184,6 +201,7 @@ _OTHER_OPTIONS = (
         "the ending of --out chooses what is written",
         "csv display figure format html image npz pdf picture plot png show svg",
     ),
+    _Instead("the name of the file stands without an option before it", f"o out output save to {_READ}", "NAME.TOML"),
     _Instead("the name of the file stands without an option before it", _READ, "LOG"),
     _Instead("the name of the file stands without an option before it", _READ, "FILE"),
     _Instead("the file to write is --out", "file filename log o save save-as to write"),
@@ -251,6 +269,9 @@ def _about_option(message: str, context: typer.Context, arguments: Sequence[str]
         return f"{message}; did you mean {' or '.join(f'`{name}`' for name in similar)}?"
     if word in getattr(context.find_root().command, "commands", {}):
         return f"{message}; `sonarhw {word}` is a command of its own"
+    later = next((name for name in arguments if name in getattr(context.command, "commands", {})), "")
+    if later:
+        return f"{message}; options of a command stand behind it: `sonarhw {later} ... {option}`"
     if others := [path for path, command in _all_commands(context) if any(option in p.opts for p in command.params)]:
         having = "`, `".join(others[:3])
         return f"{message}; it is an option of `{having}`; see `{context.command_path} --help`"
@@ -298,6 +319,13 @@ def _meant(message: str, context: typer.Context, arguments: Sequence[str]) -> st
         return _meant_in_group(word, context, arguments, groups, "Did you mean" in message)
     if group := next((name for name, group in groups.items() if word in getattr(group, "commands", {})), ""):
         return f"{path} {group} {word}"
+    later = next((name for name in arguments[arguments.index(word) + 1 :] if name in groups), "")
+    if opened := _command_for(word):
+        return f"{path} {later} {word}" if later else f"{path} {opened}"
+    every = re.split("[-_]", word)
+    for group in every:
+        if member := next((part for part in every if part in getattr(groups.get(group), "commands", {})), ""):
+            return f"{path} {group} {member}"
     words = {other: command for command, others in _OTHER_WORDS.items() for other in others.split()}
     if word in words:
         return f"{path} {words[word]}"
@@ -308,6 +336,20 @@ def _meant(message: str, context: typer.Context, arguments: Sequence[str]) -> st
     shown_similar = difflib.get_close_matches(word, shown, n=1)
     similar = [] if shown_similar else difflib.get_close_matches(word, words, n=1, cutoff=_ALIKE)
     return f"{path} {words[similar[0]]}" if similar else ""
+
+
+def _command_for(word: str) -> str:
+    """Return the command for a file, a scanner or a room that is given without one; empty for other words."""
+    kind = Path(word).suffix
+    if kind == ".mcap":
+        return f"gui {word}"
+    if kind == ".toml":
+        return f"room check {word}"
+    if os.path.isfile(word):
+        return f"import {word} --out LOG.mcap"
+    if re.match(r"/dev/|COM\d|[a-z0-9]+:", word):
+        return f"scan {word} --out LOG.mcap"
+    return f"simulate {word}" if _is_room(word) else ""
 
 
 def _meant_in_group(
@@ -353,6 +395,8 @@ def _about_extra(message: str, context: typer.Context, arguments: Sequence[str])
     is_number = re.fullmatch(r"-?[\d.]+", extra) is not None
     before = arguments[arguments.index(extra) - 1] if extra in arguments else ""
     known = f"{message}; expected `{_usage(context)}`; see `{context.command_path} --help`"
+    if extra in ("from", "to", "step", "by") and "--step" in names:
+        return f"{known}; write --from DEG --to DEG --step DEG"
     if is_number and "--size" in arguments:
         return f"{known}; write WxD without a space, such as --size 3.2x2.4"
     if before.endswith(",") or (is_number and re.fullmatch(r"-?[\d.,]+", before)):
@@ -380,13 +424,18 @@ def _with_argument_hint(message: str, arguments: Sequence[str]) -> str:
 
 
 def _similar_file(missing: Path) -> str:
-    """Return `; did you mean NAME?` for the file of the same kind with the most similar name, or an empty text."""
+    """Return `; did you mean NAME?` for the file with the most similar name, or an empty text."""
     try:
-        files = [path for path in islice(missing.parent.iterdir(), _MOST_FILES) if path.suffix == missing.suffix]
+        files = [*islice(missing.parent.iterdir(), _MOST_FILES)]
     except (OSError, ValueError):  # ValueError: a NUL in the name
         return ""
-    near = difflib.get_close_matches(missing.stem, [path.stem for path in files], n=1, cutoff=_ALIKE)
-    return f"; did you mean `{missing.with_name(near[0] + missing.suffix)}`?" if near else ""
+    stems = [path.stem for path in files if path.suffix == missing.suffix]
+    same_stem = [path.name for path in files if path.stem == missing.stem]
+    near = [
+        *(stem + missing.suffix for stem in difflib.get_close_matches(missing.stem, stems, n=1, cutoff=_ALIKE)),
+        *difflib.get_close_matches(missing.name, same_stem, n=1, cutoff=0.0),
+    ]
+    return f"; did you mean `{missing.with_name(near[0])}`?" if near else ""
 
 
 def _is_room(name: str) -> bool:

@@ -68,6 +68,8 @@ def read_fake_url(url: str) -> FakeUrl:
     room, _, query = url.removeprefix(f"{SCHEME}:").partition("?")
     if room in ("", SCHEME):
         raise InputError(f"{url}: room missing; expected 'fake:NAME?place=NAME' or 'fake:FILE.toml?place=NAME'")
+    if not query and "&" in room and "=" in room:
+        raise InputError(f"{url}: write ? before the first key; did you mean '{url.replace('&', '?', 1)}'?")
     values = dict(parse_qsl(query, keep_blank_values=True))
     if unknown := sorted(set(values) - set(_KEYS)):
         raise InputError(f"{url}: unknown key {', '.join(unknown)}; known: {', '.join(_KEYS)}")

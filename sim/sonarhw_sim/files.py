@@ -346,8 +346,9 @@ class Shipped:
     def read(self, name: Path | str) -> tuple[str, str]:
         """Return the text of a file or of a shipped one, and its name for errors. Raises InputError."""
         if is_file(name):
-            if not os.path.exists(name) and name in [f"{shipped}{SUFFIX}" for shipped in self.names()]:
-                raise InputError(f"{name}: no such file; the shipped {self.what} is {str(name).removesuffix(SUFFIX)!r}")
+            shipped_name = Path(name).name.removesuffix(SUFFIX)
+            if not os.path.exists(name) and shipped_name in self.names():
+                raise InputError(f"{name}: no such file; the shipped {self.what} is {shipped_name!r}")
             return read_text(Path(name), self.document), str(name)
         if name not in self.names():
             raise InputError(self._unknown(str(name)))
@@ -359,5 +360,7 @@ class Shipped:
         path = next((file for file in (name, f"{name}{SUFFIX}") if os.path.isfile(file)), None)
         if path:
             read_text(Path(path), self.document)  # raises an error for a log, which must not be suggested
+        if path and Path(path).suffix not in ("", SUFFIX):
+            return f"{path}: is not a {self.document}; expected a file NAME{SUFFIX}, or one of: {', '.join(names)}"
         hint = f"; did you mean the file ./{path}?" if path else did_you_mean(name, names)
         return f"unknown {self.what} {quoted(name)}{hint or ';'} known: {', '.join(names)}, or a file NAME{SUFFIX}"
