@@ -200,6 +200,7 @@ def _is_enough(proposal: LayoutProposal) -> bool:
 
 
 _MOST_HEARD = 2000  # headings
+_BETWEEN_REQUESTS = 0.1  # s; a sensor needs 60 ms for its longest range
 
 
 class TextDevice(DevicePlugin):
@@ -215,6 +216,7 @@ class TextDevice(DevicePlugin):
         self._heard = deque[float](maxlen=_MOST_HEARD)  # headings for which degrees are assumed
         self._scale: float | None = None  # m, of the newest range
         self._newest = time.monotonic()  # time of the newest byte
+        self._next_request = 0.0  # time of the monotonic clock
         self._steps = 0  # readings since the scan began, of a device that prints no angle
         self._bytes = 0
 
@@ -232,6 +234,10 @@ class TextDevice(DevicePlugin):
 
     def read(self) -> list[Measurement]:
         """Return the readings of the lines that have arrived."""
+        frame = self._settings.layout.frame
+        if frame and frame.request and self._link and time.monotonic() >= self._next_request:
+            self._next_request = time.monotonic() + _BETWEEN_REQUESTS
+            self._link.write(frame.request)
         data = self._link.read() if self._link else b""
         if not data:
             self._decoder.idle(READ_PATIENCE)

@@ -1,6 +1,6 @@
 """`sonarhw compare` and `sonarhw report`: a log and the prediction of a room, or two logs without one."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -8,6 +8,7 @@ import typer
 from sonarhw_compare.picture_file import PICTURES
 from sonarhw_sim.air import ROOM_TOLERANCE, Model
 
+from sonarhw.errors import InputError
 from sonarhw_cli import options
 from sonarhw_cli.inputs import LogFile, note_assumed_heading, notes_beside, open_in_room, open_scan
 from sonarhw_cli.outputs import checked_out, progress_of_fit, progress_of_share, text_output, write_figure, write_text
@@ -63,6 +64,7 @@ def compare(
     room_name: options.RoomOfLog = None,
     place: options.PlaceName = None,
     board: options.BoardOfLog = None,
+    height: options.Height = None,
     receiver: options.ReceiverChoice = None,
     model: options.ModelChoice = Model.RAY_FOLLOWING,
     fit: options.FitOption = "",
@@ -94,7 +96,7 @@ def compare(
         checked_out(plot, PICTURES, force, log_file, room_name, board, option="--plot")
     tolerance = ROOM_TOLERANCE if room_tolerance is None else room_tolerance
     settings = {"model": model, "receiver": receiver, "pings": pings or 1, "room_tolerance": tolerance}
-    comparison = compare_log(log_file, room_name, place, board, fit, **settings)
+    comparison = compare_log(log_file, room_name, place, board, fit, height, **settings)
     changed = _changed_room(comparison, as_json, out, force) if missing else None
     if plot is not None:
         write_figure(plot, comparison.draw(changed), force)
@@ -114,19 +116,25 @@ def compare_log(
     place: str | None,
     board: str | None = None,
     fit: str = "",
+    height: float | None = None,
     **settings: Any,
 ) -> "ScanComparison":
     """Compare a log with its prediction. Raises InputError.
 
-    Room, place and board that are not given are taken from the log.
+    Room, place and board that are not given are taken from the log. `height` is that of a place X,Y,DEG.
     """
     if "heading" not in fit:
         note_assumed_heading(place)
     scan, room, chosen = open_in_room(log_file, room_name, board)
     from sonarhw_compare import one_call
+    from sonarhw_sim.room.room import typed_place
 
+    typed = None if height is None or place is None else typed_place(place)
+    if height is not None and typed is None:
+        raise InputError(f"--height {height:g}: give --place X,Y,DEG, too; places of a room file have their own height")
+    where = place if typed is None else replace(typed, height=height)
     with progress_of_fit(fit) as tick:
-        return one_call.compare(scan, room, place, chosen, fit=fit, progress=tick, warn=options.warn, **settings)
+        return one_call.compare(scan, room, where, chosen, fit=fit, progress=tick, warn=options.warn, **settings)
 
 
 def _changed_room(comparison: "ScanComparison", as_json: bool, out: Path | None, force: bool) -> "Room":

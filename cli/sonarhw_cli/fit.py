@@ -191,10 +191,6 @@ def _write_fitted(fitted: "FittedScans", out: Path | None, board_out: Path | Non
         write_text(file, text, force, option)
 
 
-Height = Annotated[
-    float | None,
-    typer.Option(help="Height of the transducer, metres; the prediction then includes floor and ceiling.", metavar="M"),
-]
 NearPlace = Annotated[
     float, typer.Option(help="Distance within which a pose counts as a place of the room, metres.", min=0)
 ]
@@ -211,7 +207,7 @@ def locate(
     room_name: options.RoomOfLog = None,
     board: options.BoardOfLog = None,
     receiver: options.ReceiverChoice = None,
-    height: Height = None,
+    height: options.Height = None,
     heading: KnownHeading = None,
     heading_sd: HeadingDeviation = 5.0,
     near: NearPlace = 0.1,
@@ -254,7 +250,8 @@ def locate(
     (x, y), heading = located.poses[0].position, located.poses[0].heading
     place = f"{x:.4f},{y:.4f},{math.degrees(heading):.3f}"
     named = {"--room": room_name, "--board": board, "--place": place}
-    for command, of_command in (("compare", {"--receiver": receiver}), ("gui", {})):  # the window has no --receiver
+    of_compare = {"--receiver": receiver, "--height": None if height is None else f"{height:g}"}
+    for command, of_command in (("compare", of_compare), ("gui", {})):  # in the window, both are settings
         given = {option: str(value) for option, value in {**named, **of_command}.items() if value is not None}
         written = " ".join(f"{option} {shlex.quote(value)}" for option, value in given.items())
         options.print_note(f"next: sonarhw {command} {shlex.quote(str(log_file))} {written}")

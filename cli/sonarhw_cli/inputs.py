@@ -106,7 +106,11 @@ def open_room(name: str) -> "Room":
 
 
 def chosen_place(room: "Room", wanted: str | None) -> "Place":
-    """Return the place of a room that --place names, with a warning if no scanner can be there. Raises InputError."""
+    """Return the place of a room that --place names, with a warning if no scanner can be there. Raises InputError.
+
+    Prints that a heading is assumed.
+    """
+    note_assumed_heading(wanted)
     place = room.place(wanted)
     print_place(room, place)
     return place

@@ -3,7 +3,7 @@
 import math
 import re
 import time
-from dataclasses import replace
+from dataclasses import fields, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -19,7 +19,6 @@ from sonarhw_cli.inputs import (
     LogFile,
     chosen_place,
     load_log,
-    note_assumed_heading,
     notes_beside,
     open_log,
     open_room,
@@ -28,6 +27,7 @@ from sonarhw_cli.inputs import (
 from sonarhw_cli.outputs import binary_output, checked_out, print_written
 
 if TYPE_CHECKING:
+    from sonarhw_compare.imports import ImportedScan
     from sonarhw_sim.board.profile import Board
 
     from sonarhw.log import Log, LogMetadata, RecordedScan
@@ -182,52 +182,37 @@ def import_scan(
     from sonarhw.log.writer import write_scan
 
     checked_out(out, (options.LOG,), force, file, room, board)
-    stated = ImportOptions(
-        format=format_name or "",
-        preset=preset or "",
-        pattern=pattern or "",
-        unit=unit or "",
-        angle=angle or "",
-        heading=heading or "",
-        range=distance or "",
-        time=time_column or "",
-        x=x or "",
-        y=y or "",
-        yaw=yaw or "",
-        decimal_comma=decimal_comma,
-        scale=scale,
-        turn=turn or "",
-        heading_zero=heading_zero,
-        no_echo=no_echo,
-        mean_of=mean_of,
-        threshold=threshold,
-        blanking=blanking,
-        rate=rate,
-        step=step,
-        topic=topic or "",
-        variable=variable or "",
-        axis=axis or "",
-        full_scale=full_scale,
-        speed_of_sound=speed_of_sound,
-    )
-    metadata = _metadata(room, place, board)
+    given_options = {_FIELDS.get(name, name): value for name, value in context.params.items() if value is not None}
+    stated = {key: value for key, value in given_options.items() if key in _keys()}
+    given = _metadata(room, place, board)
     try:
-        scan = read(file, stated)
+        scan = read(file, ImportOptions(**stated))
     except InputError as error:
         raise InputError(_with_options(str(error))) from error
-    for doubt in scan.damage:
-        options.warn(_with_options(doubt))
-    if scan.recorded is not None:
-        metadata = _with_those_of(scan.recorded, metadata)
-    if place is None and any(reading.pose for reading in scan.readings):
-        metadata = replace(metadata, place="")  # the poses state where the readings were made
-    metadata = replace(metadata, source=str(file), read_as="; ".join(scan.read_as))
+    metadata = scan.metadata(given, place_is_stated=place is not None)
     write_scan(out, metadata, scan.readings, overwrite=force)
+    _report_import(scan, out, _board_in(metadata))
+
+
+_FIELDS = {"format_name": "format", "distance": "range", "time_column": "time"}  # of `ImportOptions`, by parameter
+
+
+def _keys() -> tuple[str, ...]:
+    """Return the names of all that a user may state about a file."""
+    from sonarhw_compare.imports import ImportOptions
+
+    return tuple(field.name for field in fields(ImportOptions))
+
+
+def _report_import(scan: "ImportedScan", out: Path, board: "Board | None") -> None:
+    """Print what is damaged, how the file was read, and what is doubtful in the scan."""
+    for damage in scan.damage:
+        options.warn(_with_options(damage))
     for note in scan.read_as:
-        options.print_note(f"{file}: {_with_options(note)}")
+        options.print_note(f"{scan.where}: {_with_options(note)}")
     echoes = sum(reading.range is not None for reading in scan.readings)
     options.print_note(f"{counted(len(scan.readings), 'reading')}, {echoes} with an echo, in {out}")
-    for doubt in scan.doubts(_board_in(metadata)):
+    for doubt in scan.doubts(board):
         options.warn(doubt)
 
 
@@ -238,15 +223,9 @@ def _board_in(metadata: "LogMetadata") -> "Board | None":
     return board_of_log(metadata) if metadata.board else None
 
 
-_KEYS = (
-    "format preset pattern unit angle heading range time x y yaw decimal_comma scale turn heading_zero no_echo mean_of "
-    "threshold blanking rate step topic variable axis full_scale speed_of_sound"
-)
-
-
 def _with_options(question: str) -> str:
     """Return a question with the options of this command in place of the keys of a URL."""
-    keys = rf"(?<![\w-])({'|'.join(_KEYS.split())})=(\S*)"
+    keys = rf"(?<![\w-])({'|'.join(_keys())})=(\S*)"
     plain = re.sub(keys, lambda key: f"--{key[1].replace('_', '-')} {key[2]}".rstrip(), question)
     return re.sub(r"(?<![\w-])decimal_comma: only", "--decimal-comma: only", plain)
 
@@ -265,17 +244,8 @@ def _metadata(room_name: str | None, place: str | None, board: str | None) -> "L
     if room_name is None:
         return metadata if place is None else replace(metadata, place=place_without_room(place))
     room = open_room(room_name)
-    note_assumed_heading(place)
     here = "" if place is None and len(room.places) != 1 else chosen_place(room, place).name
     return replace(metadata, room_file=file_name(room_name), room_text=room.text, place=here)
-
-
-def _with_those_of(recorded: "LogMetadata", given: "LogMetadata") -> "LogMetadata":
-    """Return the metadata of a corrected log: room, place and board that are not given are the recorded ones."""
-    if not given.room_text:
-        place = given.place or recorded.place
-        given = replace(given, room_file=recorded.room_file, room_text=recorded.room_text, place=place)
-    return given if given.board else replace(given, board=recorded.board, board_text=recorded.board_text)
 
 
 # `sonarhw log`: describe a log, export its readings, or recover a torn one.

@@ -306,6 +306,10 @@ EdgeStrengthChoice = Annotated[
     ),
 ]
 
+Height = Annotated[
+    float | None,
+    typer.Option(help="Height of the transducer, metres; the prediction then includes floor and ceiling.", metavar="M"),
+]
 ReceiverChoice = Annotated[
     Receiver | None,
     typer.Option(

@@ -89,7 +89,6 @@ def room_and_place(room_name: str | None, place: str | None, out: Path | None) -
     if room_name is None:
         return None
     room = inputs.open_room(room_name)
-    inputs.note_assumed_heading(place)
     if place is None and len(room.places) != 1:
         raise InputError(
             f"--room {room_name}: give --place NAME or --place X,Y in metres; its places: "

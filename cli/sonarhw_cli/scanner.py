@@ -359,6 +359,8 @@ def ports(
             )
             for fact in listed[-1].get("evidence") or ():
                 options.print_line(f"    {fact}")
+            if listed[-1].get("proposed_url") and not listed[-1]["undecided"]:
+                options.print_note(f"next: sonarhw scan '{listed[-1]['proposed_url']}' --out scan.mcap")
     if as_json:
         options.print_json({"ports": listed})
 

@@ -89,11 +89,12 @@ def _parsed(bag: Path, meaning: Meaning) -> tuple[list[ForeignRow], list[str]]:
     doubts = []
     if opened.damage:
         doubts.append(f"{counted(len(opened.damage), 'damaged part')} left out, the first: {opened.damage[0]}")
+    if len(unknown) > 1 and not meaning.step:
+        listed = ", ".join(sorted(unknown))
+        step = "add step=DEGREES, the angle from one sensor to the next, or topic=NAME"
+        raise InputError(f"{bag}: the directions of {listed} are unknown; {step}")
     if unknown and not meaning.step:
-        doubts.append(
-            f"the directions of {', '.join(sorted(unknown))} are unknown, so all have the angle 0; add step=DEGREES, "
-            "the angle from one sensor to the next"
-        )
+        doubts.append(f"the direction of {', '.join(unknown)} is unknown, so its angle is 0")
     return rows, doubts
 
 

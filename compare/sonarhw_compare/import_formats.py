@@ -29,6 +29,7 @@ class ImportFormat:
     has_traces: bool  # of received signals, in place of ranges
     has_step: bool  # without angles of its own, at least in part
     reader: str = ""  # module and name of a function of these packages; empty for text
+    units: str = ""  # by its definition; empty: as the content states
 
     def read(self, file: Path, meaning: "Meaning") -> "list[Reading]":
         """Return the readings of a file in this format. Raises InputError."""
@@ -39,12 +40,38 @@ class ImportFormat:
 
 
 TEXT = ImportFormat("text", (), "text of a device: lines, CSV, JSON, captures of a terminal", False, True)
-CARMEN = ImportFormat("carmen", (".clf",), "CARMEN logs with SONAR lines", False, False, "foreign_logs:read_carmen_log")
-PLAYER = ImportFormat("player", (), "logs of Player with sonar", False, True, "foreign_logs:read_player_log")
-BEESOFT = ImportFormat("beesoft", (), "logs of BeeSoft with sonar", False, True, "foreign_logs:read_beesoft_log")
-ARIA = ImportFormat("aria", (".2d",), "logs of ARIA with range scans", False, False, "foreign_logs:read_aria_log")
+CARMEN = ImportFormat(
+    "carmen",
+    (".clf",),
+    "CARMEN logs with SONAR lines",
+    False,
+    False,
+    "foreign_logs:read_carmen_log",
+    "metres and radians",
+)
+PLAYER = ImportFormat(
+    "player", (), "logs of Player with sonar", False, True, "foreign_logs:read_player_log", "metres and radians"
+)
+BEESOFT = ImportFormat(
+    "beesoft", (), "logs of BeeSoft with sonar", False, True, "foreign_logs:read_beesoft_log", "centimetres"
+)
+ARIA = ImportFormat(
+    "aria",
+    (".2d",),
+    "logs of ARIA with range scans",
+    False,
+    False,
+    "foreign_logs:read_aria_log",
+    "millimetres and degrees",
+)
 PING360 = ImportFormat(
-    "ping360", (".bin",), "Ping Viewer logs of a Ping360 or Ping1D", True, False, "foreign_logs:read_ping360_log"
+    "ping360",
+    (".bin",),
+    "Ping Viewer logs of a Ping360 or Ping1D",
+    True,
+    False,
+    "foreign_logs:read_ping360_log",
+    "gradians, and samples in units of 25 ns",
 )
 ROS = ImportFormat(
     "ros",
@@ -53,6 +80,7 @@ ROS = ImportFormat(
     False,
     True,
     "foreign_bags:read_ros_bag",
+    "metres and radians",
 )
 JSON_MCAP = ImportFormat("json-mcap", (), "MCAP files with JSON messages", False, True)
 RAW = ImportFormat(

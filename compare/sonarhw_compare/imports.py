@@ -5,6 +5,7 @@ import json
 import math
 import os
 import re
+import time
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -180,6 +181,22 @@ class ImportedScan(GivenScan):
             texts.append(text)
         return tuple(texts)
 
+    def metadata(self, given: LogMetadata | None = None, place_is_stated: bool = False) -> LogMetadata:
+        """Return the metadata of a log of the scan: what is `given`, else what a corrected log contains.
+
+        Readings with poses have no place, unless the user states one.
+        """
+        made, recorded = given or LogMetadata("import", time.time()), self.recorded
+        if recorded is not None and not made.room_text:
+            place = made.place or recorded.place
+            made = replace(made, room_file=recorded.room_file, room_text=recorded.room_text, place=place)
+        if recorded is not None and not made.board:
+            made = replace(made, board=recorded.board, board_text=recorded.board_text)
+        if not place_is_stated and any(reading.pose for reading in self.readings):
+            made = replace(made, place="")
+        how = self.read_as if recorded is None else (recorded.read_as, *self.read_as)
+        return replace(made, source=self.where, read_as="; ".join(filter(None, how)))
+
     @property
     def likely_no_echo(self) -> float | None:
         """The range, in the unit of the file, that likely stands for no echo; None without one."""
@@ -321,13 +338,13 @@ def _text_rows(where: str, printed: list[Printed], layout: Layout) -> tuple[list
     placed, steps = [], 0
     times, untimed = _times_of(where, printed, layout.columns is not None and bool(layout.columns.time))
     measured = []
-    for reading, time in zip(printed[: MOST_READINGS + 1], times, strict=False):
+    for reading, when in zip(printed[: MOST_READINGS + 1], times, strict=False):
         heading = reading.heading
         if heading is None:
             heading = steps * (layout.step or 0.0) % 360
             steps += 1
         angle = math.radians(heading)
-        measured.append(_Measured(angle, reading.ranges, time, restarted=reading.restarted, pose=reading.pose))
+        measured.append(_Measured(angle, reading.ranges, when, restarted=reading.restarted, pose=reading.pose))
     for measurement in measured:
         placed += [(item.sweep, item.measurement) for item in tracker.add(measurement)]
     placed += [(item.sweep, item.measurement) for item in tracker.flush()]
@@ -598,7 +615,10 @@ def _read(file: Path, kind: ImportFormat, options: ImportOptions) -> ImportedSca
         return replace(scan, read_as=(f"read as {what}", *scan.read_as[1:])) if what else scan
     readings = kind.read(file, meaning)
     scale = meaning.scale if kind is LOG else None if kind.has_traces else 1.0
-    scan = ImportedScan(str(file), tuple(readings), read_as=(f"read as {kind.title}",), scale=scale)
+    stated = ", ".join(f"{key}={value}" for key, value in options.stated.items())
+    how = f"corrected: {stated or 'nothing'}" if kind is LOG else f"read as {kind.title}"
+    units = (f"{kind.units}: by the definition of the format",) if kind.units else ()
+    scan = ImportedScan(str(file), tuple(readings), read_as=(how, *units), scale=scale)
     return replace(scan, recorded=read_log(file).metadata) if kind is LOG else scan
 
 

@@ -193,9 +193,8 @@ class BinaryDecoder:
         position = 0
         while position + size <= len(self._rest):
             message = self._rest[position : position + size]
-            whole = message.startswith(self._frame.header) and sum(message[:-1]) & 0xFF == message[-1]
-            number = int.from_bytes(message[-3:-1], "big")
-            printed = self._units.printed(None, [str(number)], None) if whole else None
+            number = self._frame.number(message)
+            printed = None if number is None else self._units.printed(None, [str(number)], None)
             if printed is None:
                 self.ignored[NOISE] += 1
                 position += 1

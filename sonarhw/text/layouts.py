@@ -24,6 +24,7 @@ from sonarhw.text.words import (
     NameMeaning,
     is_german,
     is_no_echo,
+    is_range_word,
     meaning_of,
     time_unit,
     words_of,
@@ -624,7 +625,8 @@ def columns_of(names: Sequence[str]) -> Columns | str | None:
         angles = named if len(named) == 1 else angles
     if len(ranges) > 1:
         distances = [k for k in ranges if len(names[k]) > 1 and meanings[k].unit != "us"]
-        ranges = distances if len(distances) == 1 else ranges
+        named = [k for k in distances if is_range_word(words_of(names[k])[0])]  # range_m, not path_m
+        ranges = next((chosen for chosen in (distances, named) if len(chosen) == 1), ranges)
     unsupported = [meaning for meaning in meanings if meaning.quantity is ColumnKind.UNSUPPORTED]
     if not ranges and unsupported and angles:
         return f"{unsupported[0].word!r} is not a unit of a range; expected {', '.join(RANGE_UNITS)}"
@@ -845,14 +847,27 @@ def maxbotix_format(units: Units) -> LineFormat:
 
 @dataclass(frozen=True)
 class BinaryFrame:
-    """A message of a sensor that prints no text: `header`, two bytes of the range, the sum of all bytes before."""
+    """A message of a sensor that prints no text: `header`, two bytes of the range, and the sum of all bytes before.
+
+    A message without a header has no sum either; its ranges are then within `limits`.
+    """
 
     header: bytes
+    limits: tuple[int, int] = (0, 65535)
+    request: bytes = b""  # that the sensor answers with a message; empty: it sends by itself
 
     @property
     def size(self) -> int:
         """Bytes of a message."""
-        return len(self.header) + 3
+        return len(self.header) + 3 if self.header else 2
+
+    def number(self, message: bytes) -> int | None:
+        """Return the range in a message; None for other bytes."""
+        start = len(self.header)
+        number = int.from_bytes(message[start : start + 2], "big")
+        summed = not self.header or sum(message[:-1]) & 0xFF == message[-1]
+        inside = self.limits[0] <= number <= self.limits[1]
+        return number if message.startswith(self.header) and summed and inside else None
 
 
 @dataclass(frozen=True)
@@ -874,7 +889,10 @@ PRESETS = {
     ),
     "maxbotix": Preset("R0123", lambda units: maxbotix_format(units), prints_angle=False),
     "a02yyuw": Preset("the bytes FF H L SUM", BinaryFrame(b"\xff"), "mm", prints_angle=False),
-    "urm37": Preset("the bytes 22 H L SUM", BinaryFrame(b"\x22"), "cm", (65535.0,), prints_angle=False),
+    "urm37": Preset(
+        "the bytes 22 H L SUM", BinaryFrame(b"\x22", request=b"\x22\0\0\x22"), "cm", (65535.0,), prints_angle=False
+    ),
+    "us100": Preset("the bytes H L", BinaryFrame(b"", (20, 4600), b"\x55"), "mm", prints_angle=False),
     "jsonl": Preset('{"heading_deg": 90, "range_cm": 23}', json_format),
     "csv": Preset("heading_deg,range_cm, then 90,23", csv_format),
 }

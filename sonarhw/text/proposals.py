@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
 from statistics import median
 
 from sonarhw.text.decoder import make_decoder, text_of, utf16_of, without_stamp
@@ -92,7 +93,7 @@ def propose(
     data = data[:_MOST_BYTES]
     if encoding := utf16_of(data):
         data, pauses = data.decode(encoding, "replace").replace("\ufeff", "").encode(), ()
-    for name in ("a02yyuw", "urm37"):
+    for name in ("a02yyuw", "urm37", "us100"):
         if (binary := _binary(name, data, stated)) is not None:
             return binary
     best = LayoutProposal(example=next(iter(_lines(data, LINE_ENDS)), "")[:60])
@@ -162,14 +163,24 @@ def _binary(name: str, data: bytes, stated: Layout) -> LayoutProposal | None:
     """Return the proposal of a binary preset, if most bytes are its messages."""
     preset = PRESETS[name]
     layout = replace(stated, preset=name, pattern="", ends="")
+    assert layout.frame is not None
     decoder = make_decoder(layout)
     readings = decoder.feed(data)
-    assert layout.frame is not None
-    varies = any(reading.numbers for reading in readings)
+    ranges = [number for reading in readings for number in reading.numbers]
+    varies = _is_smooth(ranges) if not layout.frame.header else bool(ranges)  # without a header nothing else shows it
     if len(readings) < FEWEST or len(readings) * layout.frame.size < 0.8 * len(data) or not varies:
         return None
     evidence = (f"binary messages of {name} ({preset.example}), range in {UNIT_NAMES[preset.unit or 'mm']}",)
     return LayoutProposal(layout, False, evidence, _step_question(stated, 1), tuple(readings), len(readings))
+
+
+def _is_smooth(ranges: Sequence[float]) -> bool:
+    """Return whether ranges change, mostly by little."""
+    changes = [abs(after - before) for before, after in pairwise(ranges)]
+    return any(changes) and median(changes) < _SMOOTH * median(ranges)
+
+
+_SMOOTH = 0.2
 
 
 def _step_question(stated: Layout, sensors: int) -> tuple[str, ...]:
@@ -770,7 +781,13 @@ def _of_records(
         return LayoutProposal(None, questions=(roles,), lines=len(lines), example=example)
     heading, ranges, evidence = roles
     if len(ranges) > 1 and (heading is None or any(labels[k].named for k in ranges[1:])):
-        asked = f"{example!r}: several ranges may be those of several sensors or echoes; write a pattern="
+        unit = Decision(labels[ranges[0]].meaning.unit)
+        pattern = _pattern(literals, heading, ranges, Decision(None), unit, stated)
+        field = unit.unit or "range"
+        asked = (
+            f"{example!r}: several ranges may be those of several sensors or echoes; write pattern=, for sensors with "
+            f"the direction of each in place of DEG: pattern={pattern.replace(f'{{{field}}}', f'{{{field}@DEG}}')}"
+        )
         return LayoutProposal(None, questions=(asked,), lines=len(lines), example=example)
     numbers = [number for k in ranges for number in columns[k]]
     reach = range_unit(numbers, labels[ranges[0]].meaning, stated, (header, *literals))

@@ -202,6 +202,11 @@ def _quantity(word: str) -> ColumnKind | None:
     return None
 
 
+def is_range_word(word: str) -> bool:
+    """Return whether a word names a range, in lower case and without accents."""
+    return word in _RANGES
+
+
 _OF_TIMES = {
     **dict.fromkeys(_words("s sec secs second seconds sekunden segundos secondes"), 1.0),
     **dict.fromkeys(_words("ms millis millisecond milliseconds msec millisekunden milisegundos"), 1e-3),

@@ -26,7 +26,7 @@ from sonarhw_sim.room.room_writing import with_place
 from sonarhw.errors import InputError, LogError, OutputError, SonarError, json_text, shortened
 from sonarhw.export import export_format, export_suffixes
 from sonarhw.files import atomic_file
-from sonarhw.log import Log, LogMetadata, read_log
+from sonarhw.log import Log, read_log
 from sonarhw.log.writer import write_scan
 from sonarhw.readings import Reading
 from sonarhw.scan_check import ANY_BOARD, check_scan
@@ -140,8 +140,7 @@ def import_scan(file: Path, scan: "ImportedScan", folder: Path) -> Opened:
     except OSError as error:
         raise LogError(f"{folder}: cannot be created: {error.strerror}; imported scans are stored there") from error
     path = free_name(folder, file.stem, LOG)
-    metadata = LogMetadata("import", time.time(), source=str(file), read_as="; ".join(scan.read_as))
-    write_scan(path, metadata, scan.readings)
+    write_scan(path, scan.metadata(), scan.readings)
     return replace(open_log(path), notice=f"{file.name} was imported as {path.name}, in {folder}")
 
 

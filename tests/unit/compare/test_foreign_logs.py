@@ -45,7 +45,7 @@ def test_ranges_of_beesoft_are_centimetres_in_directions_that_the_user_states(tm
     with pytest.raises(InputError, match=r"4 ranges without the directions .* step=DEGREES .* 90 or -90"):
         import_scan(file)
     scan = import_scan(file, ImportOptions(step=-90.0, no_echo=700.0))
-    assert scan.read_as == ("read as logs of BeeSoft with sonar",)
+    assert scan.read_as == ("read as logs of BeeSoft with sonar", "centimetres: by the definition of the format")
     assert [reading.range for reading in scan.readings] == [
         None if metres is None else pytest.approx(metres) for metres in (1.005, 2.0, None, 0.5, 1.01, 1.99, None, 0.51)
     ]

@@ -6,7 +6,7 @@ import pytest
 
 from sonarhw.errors import InputError
 from sonarhw.text.decoder import make_decoder
-from sonarhw.text.layouts import HEADER, PART, PRESETS, Layout, Printed
+from sonarhw.text.layouts import HEADER, PART, PRESETS, BinaryFrame, Layout, Printed
 from sonarhw.text_device import read_lines_url
 
 
@@ -108,10 +108,16 @@ def test_binary_messages_are_read_and_damaged_ones_are_counted(frame: str, unit:
     assert decoder.ignored["noise"] >= 4
 
 
+def test_two_bytes_without_a_sum_are_a_range_if_the_sensor_can_measure_it() -> None:
+    decoder = make_decoder(Layout("us100", step=5.0))
+    assert [one.ranges for one in decoder.feed(b"\xff\x03\xe8\x80\x04\x4c")] == [(1.0,), (1.1,)]
+    assert decoder.ignored["noise"] == 2
+
+
 @pytest.mark.parametrize("name", PRESETS)
 def test_the_example_of_each_preset_is_a_reading(name: str) -> None:
-    if name in ("a02yyuw", "urm37"):
-        return  # binary
+    if isinstance(PRESETS[name].make, BinaryFrame):
+        return
     step = "" if PRESETS[name].prints_angle else "&step=5"
     example = PRESETS[name].example.rpartition("then ")[2].rstrip(".")
     assert isinstance(read(f"preset={name}{step}", example), tuple)
