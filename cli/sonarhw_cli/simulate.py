@@ -15,7 +15,7 @@ from sonarhw_sim.air import DEFAULT_BOARD, ROOM_TOLERANCE, EdgeStrength, Model, 
 from sonarhw.errors import InputError, counted, in_degrees
 from sonarhw.files import atomic_file
 from sonarhw_cli import options, outputs
-from sonarhw_cli.inputs import chosen_place, open_room
+from sonarhw_cli.inputs import chosen_place, open_room, print_place
 
 if TYPE_CHECKING:
     import numpy as np
@@ -552,7 +552,8 @@ def paths(
 
     outputs.checked_out(out, (".csv", options.STDOUT), force, room_name)
     room = open_room(room_name)
-    here, board = chosen_place(room, place), load_board(DEFAULT_BOARD)
+    here, board = room.place(place), load_board(DEFAULT_BOARD)
+    print_place(room, here)
     reach = board.max_range if max_range is None else max_range
     search = PathSearch(
         2 * reach,
