@@ -358,6 +358,7 @@ def check_scan(order: StartScan, made: list[ReadingMessage], settings: Settings,
         StartScan(20 * DEGREE, -7 * DEGREE, 6, 1, 1),
         StartScan(0, 3 * DEGREE, 6, 2, 2, first=5, count=9),
         StartScan(0, 3 * DEGREE, 6, 1, 1, first=5),
+        StartScan(0, 3 * DEGREE, 6, 1, 1, first=4, count=2),
     ],
     ids=short,
 )

@@ -90,7 +90,7 @@ def test_log_edits_look_views_and_layouts_are_restored(
     edited = replace(edited, board=parse_board(f"range_offset = 0.02\n{edited.board.text}", "board"))
     session.showing.edit(edited, "finding the pose")
     scan_settings = replace(session.live.settings, traces=False, max_range=1.5, order=replace(ORDER, sweeps=3))
-    session.live.settings = scan_settings
+    session.live.settings, session.scanners.urls = scan_settings, ("socket://somewhere:4000",)
     trace, ranges, *_ = window.views.docks
     ranges.close()
     trace.setFloating(True)
@@ -111,7 +111,7 @@ def test_log_edits_look_views_and_layouts_are_restored(
     assert (there.board.range_offset, there.room.air.temperature_c) == (0.02, 3.0)
     assert len(session.shown.readings) == ORDER.readings
     assert window.banner.message == ""  # edits of the own room need no warning
-    assert session.live.settings == scan_settings
+    assert (session.live.settings, session.scanners.urls) == (scan_settings, ("socket://somewhere:4000",))
     assert session.shown.look == Look(DARK, LengthUnit.CM)
     assert window.commands.switch_palette.isChecked()
     assert window.views.side_by_side.isVisible()
@@ -303,6 +303,21 @@ def offered(folder: Path, scene: Scene) -> list[Scene]:
     notices = Notices()
     rooms_in(folder, notices).open(scene)
     return [read_unsaved(path).applied_to(scene) for path in offered_files(notices)]
+
+
+def test_a_moved_sensor_is_restored_and_any_other_stays_at_the_place_that_is_opened(
+    tmp_path: Path, scene: Scene
+) -> None:
+    elsewhere = replace(scene, place=next(place for place in scene.room.places.values() if place != scene.place))
+    warmer, _ = with_air_state(scene, temperature_c=3.0)
+    for changed, place in ((warmer, elsewhere.place), (sensor_at(warmer, (0.4, 0.3))[0], None)):
+        rooms = rooms_in(tmp_path, Notices())
+        rooms.open(scene)
+        rooms.change(changed, 0.0)
+        rooms.tick(1.0)
+        (there,) = offered(tmp_path, elsewhere)
+        assert there.place == (place or changed.place)
+        rooms.saved(changed)
 
 
 def test_an_unreadable_file_is_kept_and_an_unwritable_folder_is_reported(tmp_path: Path, scene: Scene) -> None:
