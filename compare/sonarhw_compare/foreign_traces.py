@@ -93,7 +93,8 @@ def _samples(file: Path, meaning: Meaning) -> tuple[NDArray[np.generic], float |
     suffix, start = file.suffix.lower(), start_of_file(file, 8)
     if start[:4] == b"RIFF" or suffix == ".wav":
         return parse_apart(_wav, file, "a WAV file")
-    scope = meaning.rate is None and is_oscilloscope(start_of_file(file).decode("utf-8", "replace"))
+    is_binary = start.startswith((b"PK", b"\x93NUMPY", b"MATLAB")) or suffix in (".npz", ".npy", ".mat")
+    scope = meaning.rate is None and not is_binary and is_oscilloscope(start_of_file(file).decode("utf-8", "replace"))
     if meaning.rate is None and not scope:
         raise InputError(f"{file}: the sampling rate is not stated; add rate=HZ")
     if start[:2] == b"PK" or (suffix == ".npz" and start[:6] != b"\x93NUMPY"):
