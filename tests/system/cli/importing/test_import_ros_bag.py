@@ -83,7 +83,8 @@ def test_scans_are_sweeps_and_sonars_are_a_step_apart(tmp_path: Path, kind: Any)
         (pytest.approx(90, abs=1e-5), pytest.approx(0.75, abs=1e-6)),
         (pytest.approx(180, abs=1e-5), None),
     ]
-    assert len(imported(bag)) == 12
+    assert len(imported(bag, "--step", "90")) == 12
+    assert run(["import", str(bag), "--out", str(tmp_path / "all.mcap")]) == 2  # where the sensors point is unknown
 
 
 def moving(store: Any, ros1: bool, framed: bool) -> list[tuple[str, str, Any]]:
