@@ -125,10 +125,19 @@ def _in_unsafe_code(frame: FrameType | None) -> bool:
     a kernel runs is handled just then.
     """
     while frame is not None:
-        if frame.f_code.co_name == "_numba_unpickle" or "shiboken" in frame.f_code.co_filename:
+        code = frame.f_code
+        if code.co_name == "_numba_unpickle" or "shiboken" in code.co_filename or _imports_qt(frame):
             return True
         frame = frame.f_back
     return False
+
+
+def _imports_qt(frame: FrameType) -> bool:
+    """Return whether a frame is that of Python's import machinery which loads a module of Qt for Python."""
+    if "importlib" not in frame.f_code.co_filename:
+        return False
+    names = (frame.f_locals.get("name"), getattr(frame.f_locals.get("spec"), "name", None))
+    return any(isinstance(name, str) and name.partition(".")[0] in ("PySide6", "shiboken6") for name in names)
 
 
 def _repeat(number: int) -> None:
