@@ -12,7 +12,7 @@ from tests.checkout import CHECKOUT
 PACKAGES = ("sonarhw", "sim/sonarhw_sim", "compare/sonarhw_compare")
 COMMAND_LINES = ("emulated_board.py", "scenes.py")  # the arguments of programs, not messages
 OPTION = re.compile(r"(?<![\w-])--[a-z]")
-WHOLE_COMMAND = re.compile(r"`sonarhw [^`]*`")
+WHOLE_COMMAND = re.compile(r"`(sonarhw|ros2) [^`]*`")
 
 
 def texts(tree: ast.AST) -> Iterator[str]:

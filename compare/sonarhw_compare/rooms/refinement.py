@@ -431,7 +431,7 @@ _WIDER = 1.2
 _TUNING = 2.385  # of Cauchy weights: 95 % efficient for normal errors
 _HALVINGS = 3  # of a step that makes a wall too short
 _COMMON_ROUNDS = 3  # of the estimate of the common error of arcs
-_LEAST_LEFT = 0.25  # of the arcs: those whose errors the values do not follow
+_LEAST_SHARE = 0.25  # of the arcs: those whose errors the values do not follow
 _SETTLED = 0.1  # standard deviations; smaller steps end the refinement
 
 
@@ -529,7 +529,7 @@ def _by_arc(residuals: RangeErrors, known: FloatArray) -> FloatArray:
         of_ranges = (robust / (within + sums[arcs] * common))[:, None] * slopes
         information = of_ranges.T @ slopes
         followed = float(np.trace(np.linalg.solve(information + others, information)))
-        left = max(len(means) - followed, len(means) * _LEAST_LEFT)
+        left = max(len(means) - followed, len(means) * _LEAST_SHARE)
         common = max(0.0, _spread(means) ** 2 * len(means) / left - within * float(np.median(1 / sums)))
     weights[:count] = robust / (within + sums[arcs] * common)
     return weights

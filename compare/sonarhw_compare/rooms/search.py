@@ -599,7 +599,7 @@ _HEADINGS_DONE = 0.03  # share of a search after headings are solved
 _LOCATING, _TRYING = 0.02, 0.25  # of what is left of a part of the progress, for a scan and for a room or a scan alone
 _TURNED_AGAIN = 2  # times that solved headings are determined in the room, and the room is found from these
 _DISPLACED = 3.7  # standard deviations of a position, which one of 1000 right ones exceeds
-_LEAST_LEFT = 2  # scans, of which a room is found without one of them
+_FEWEST_SCANS = 2  # scans, of which a room is found without one of them
 _OTHER_HEADING = math.radians(1.5)  # rad, by which a heading in the room of the other scans is another one
 _NARROW = PoseSpread(0.1, math.radians(6))  # up to this spread, a scan is placed where it is given, else it is located
 _UNLIKELY = 0.05  # probability of a pose, by that of the most probable one, below which it is not tried
@@ -782,7 +782,7 @@ class _Search:
 
         A wall that one scan alone shows wrongly can keep the right walls from growing.
         """
-        for k in stage.placed if len(stage.placed) > _LEAST_LEFT else ():
+        for k in stage.placed if len(stage.placed) > _FEWEST_SCANS else ():
             others = {other: scan for other, scan in stage.placed.items() if other != k}
             without = self.room_of(others, _TRYING, replace(self.course.unseen, likely=None))
             pose = stage.refined[k].place
