@@ -14,7 +14,7 @@ from sonarhw.readings import FloatArray
 from sonarhw_sim.board.beam import ComplexArray
 from sonarhw_sim.rays import fan
 from sonarhw_sim.rays.diffraction import EdgeDiffraction
-from sonarhw_sim.rays.sequences import PartialPaths
+from sonarhw_sim.rays.sequences import FEWEST_POINTS, PartialPaths, surfaces_and_points
 from sonarhw_sim.rays.small_waves import SmallWalls
 from sonarhw_sim.room.room import Room
 from sonarhw_sim.room.small_things import Cluster, Followed
@@ -23,7 +23,6 @@ _AT_CENTRE = 1e-6  # m
 _TURN, _LEAST_TURNS, _LARGEST_TURN = 0.06, 1.2, 0.5  # of `passing_share`: rad; half shadows; rad
 _LOUDEST = 2.0  # amplitude: no cluster returns more
 _BEYOND_WALL = 1.35  # amplitude: the most that a strip returns, relative to an endless wall
-_FEWEST_POINTS = 3
 
 
 def numbered(paths: PartialPaths, followed: Followed, room: Room) -> PartialPaths:
@@ -37,9 +36,10 @@ def numbered(paths: PartialPaths, followed: Followed, room: Room) -> PartialPath
     row, touch = np.nonzero(several[paths.surfaces] & (paths.surfaces >= 0))
     point = touch + 1 + ((paths.edges[row] >= 0) & (touch >= paths.bends[row]))
     for wall in np.unique(paths.surfaces[row, touch]).tolist():
-        here = np.flatnonzero(paths.surfaces[row, touch] == wall)
+        touches = np.flatnonzero(paths.surfaces[row, touch] == wall)
         rows = np.array(joined[wall])
-        surfaces[row[here], touch[here]] = rows[_nearest(paths.points[row[here], point[here]], room.walls[rows])]
+        nearest = _nearest(paths.points[row[touches], point[touches]], room.walls[rows])
+        surfaces[row[touches], touch[touches]] = rows[nearest]
     edges = np.append(followed.edges, -1)[paths.edges].astype(np.int32)
     return replace(paths, surfaces=surfaces.astype(np.int32), edges=edges)
 
@@ -162,19 +162,13 @@ def _joined(
     gains = first.gains[one] * second.gains[other] * np.abs(factors)
     kept = np.flatnonzero(gains * _best_heading(first, second, one, other, diffraction.beams) >= diffraction.faintest)
     one, other, gains, factors, delays = one[kept], other[kept], gains[kept], factors[kept], delays[kept]
-    before, after = first.bends[one], second.bends[other]
-    most = int((before + after).max(initial=0))
-    fan.check_size(len(one), most + _FEWEST_POINTS)
-    surfaces = np.empty((len(one), most), np.int32)
-    points = np.empty((len(one), most + _FEWEST_POINTS, 2))
-    fan.fill_rows(surfaces, first.surfaces, one, before, second.surfaces, other, after)
-    fan.fill_rows(points, first.points, one, before + 2, second.points, other, after + 1)
+    surfaces, points = surfaces_and_points(first, second, one, other)
     # the delay is part of the length, and the phase is that of the wave
     delay = np.clip(delays, -2 * cluster.radius, 2 * cluster.radius)
     phases = np.angle(factors) + math.tau / diffraction.wavelength * delay + first.phases[one] + second.phases[other]
     edges = np.full(len(one), _edge_of(cluster, room), np.int32)
     lengths = first.lengths[one] + second.lengths[other] + delay
-    return PartialPaths(lengths, gains, phases, surfaces, edges, before, points, first.places[one])
+    return PartialPaths(lengths, gains, phases, surfaces, edges, first.bends[one], points, first.places[one])
 
 
 def _loud_pairs(
@@ -201,7 +195,7 @@ def _loud_pairs(
         bounds = bounds * _best_heading(first, second, one, other, diffraction.beams)
         loud = bounds >= diffraction.faintest
         parts.append((one[loud], other[loud]))
-    fan.check_size(sum(len(one) for one, _ in parts), _FEWEST_POINTS)
+    fan.check_size(sum(len(one) for one, _ in parts), FEWEST_POINTS)
     return np.concatenate([one for one, _ in parts]), np.concatenate([other for _, other in parts])
 
 

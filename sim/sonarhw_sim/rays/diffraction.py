@@ -13,7 +13,7 @@ from sonarhw_sim.air import EdgeStrength
 from sonarhw_sim.board.beam import ComplexArray, loudest_by_separation
 from sonarhw_sim.compiled import compiled, compiled_part, rows_in_parts
 from sonarhw_sim.rays import fan
-from sonarhw_sim.rays.sequences import PartialPaths
+from sonarhw_sim.rays.sequences import FEWEST_POINTS, PartialPaths, surfaces_and_points
 from sonarhw_sim.room.edges import Edges, inside_wedge
 from sonarhw_sim.room.grid import IntArray
 from sonarhw_sim.room.room import Room
@@ -363,7 +363,6 @@ def _admittance(reflectances: FloatArray) -> FloatArray:
 
 _AT_EDGE = 1e-7  # m
 _LEAST_PART = 2000  # rows to pair: fewer take about as long as a thread needs to begin
-_FEWEST_POINTS = 3  # of a diffracted path
 
 
 @dataclass(frozen=True)
@@ -434,13 +433,7 @@ def diffracted_paths(
     few = np.flatnonzero(out.bends[first] + back.bends[second] <= max_bounces)
     first, second, gains, phases = first[few], second[few], gains[few], phases[few]
     phases = phases + out.phases[first] + back.phases[second]
-    before, after = out.bends[first], back.bends[second]
-    most = int((before + after).max(initial=0))
-    fan.check_size(len(first), most + _FEWEST_POINTS)
-    surfaces = np.empty((len(first), most), np.int32)
-    points = np.empty((len(first), most + _FEWEST_POINTS, 2))
-    fan.fill_rows(surfaces, out.surfaces, first, before, back.surfaces, second, after)
-    fan.fill_rows(points, out.points, first, before + 2, back.points, second, after + 1)
+    surfaces, points = surfaces_and_points(out, back, first, second)
     lengths = out.lengths[first] + back.lengths[second]
     edges, bends, places = out.edges[first], out.bends[first], out.places[first]
     return PartialPaths(lengths, gains, phases, surfaces, edges, bends, points, places)
@@ -481,7 +474,7 @@ def join_at_edges(
     starts, wedges = np.searchsorted(back.meeting, out.meeting), edges.openings / math.pi
     limits = edge_diffraction.wavelength, max_length, edge_diffraction.faintest
     strength = [*EdgeStrength].index(edge_diffraction.strength)
-    most, beams = fan.MOST_POINTS // _FEWEST_POINTS, edge_diffraction.beams
+    most, beams = fan.MOST_POINTS // FEWEST_POINTS, edge_diffraction.beams
     if back is out:
         starts = np.arange(len(starts))
 
@@ -490,12 +483,12 @@ def join_at_edges(
         while True:
             pairs, bounds = np.empty((count, 2), np.intp), np.empty((count, 2))
             count = _join(begin, end, out, back, starts, wedges, limits, beams, strength, most, pairs, bounds)
-            fan.check_size(count, _FEWEST_POINTS)
+            fan.check_size(count, FEWEST_POINTS)
             if count <= len(pairs):
                 return pairs[:count], bounds[:count]
 
     pairs, bounds = rows_in_parts(paired, len(out.edges), _LEAST_PART)
-    fan.check_size(len(pairs), _FEWEST_POINTS)
+    fan.check_size(len(pairs), FEWEST_POINTS)
     joined = _loud_enough(out, back, pairs, bounds, edges, faces, edge_diffraction)
     return _with_reversed(*joined) if back is out else joined
 

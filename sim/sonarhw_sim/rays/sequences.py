@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
 from sonarhw_sim.compiled import array_part, compiled, compiled_part, inlined, rows_in_parts
-from sonarhw_sim.rays.fan import Fan, PathTable, Targets, fill_rows
+from sonarhw_sim.rays.fan import Fan, PathTable, Targets, check_size, fill_rows
 from sonarhw_sim.rays.passing import Climbs, Passing, fits_a_climb, room_for_fitting
 from sonarhw_sim.room.grid import IntArray, Surfaces, advance, enter, listed
 from sonarhw_sim.room.room import Room
@@ -533,6 +533,26 @@ class PartialPaths(PathTable):
         no = np.empty(0)
         whole = no.astype(np.int32)
         return PartialPaths(no, no, no, np.empty((0, 0), np.int32), whole, whole, np.empty((0, 3, 2)), whole)
+
+
+FEWEST_POINTS = 3  # of two ways that meet
+
+
+def surfaces_and_points(
+    out: PartialPaths, back: PartialPaths, first: NDArray[np.intp], second: NDArray[np.intp]
+) -> tuple[IntArray, FloatArray]:
+    """Return surfaces (m, b) and points (m, p, 2) of rows `first` of `out`, each joined to a reversed row of `back`.
+
+    Both lead to the same point. Raises InputError if the tables need too much memory.
+    """
+    before, after = out.bends[first], back.bends[second]
+    most = int((before + after).max(initial=0))
+    check_size(len(first), most + FEWEST_POINTS)
+    surfaces = np.empty((len(first), most), np.int32)
+    points = np.empty((len(first), most + FEWEST_POINTS, 2))
+    fill_rows(surfaces, out.surfaces, first, before, back.surfaces, second, after)
+    fill_rows(points, out.points, first, before + 2, back.points, second, after + 1)
+    return surfaces, points
 
 
 def solved_paths(

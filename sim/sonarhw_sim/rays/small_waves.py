@@ -52,9 +52,9 @@ class SmallWalls:
         closed.
         """
         number = math.tau / self.wavelength
-        here, beside = (self._relative(k, sources, receivers, pairs) for k in (number, number * (1.0 + _STEP)))
-        delays = -np.angle(beside * np.conj(here)) / (_STEP * number)
-        return here, np.asarray(delays)
+        sound, beside = (self._relative(k, sources, receivers, pairs) for k in (number, number * (1.0 + _STEP)))
+        delays = -np.angle(beside * np.conj(sound)) / (_STEP * number)
+        return sound, np.asarray(delays)
 
     def _relative(
         self,
@@ -66,17 +66,16 @@ class SmallWalls:
         from scipy.special import hankel2  # slow to import, and most rooms have no small walls
 
         inverse, ends = _inverse(self, number), sources if receivers is None else receivers
-        one = self._caused(number, sources).T
-        other = one if receivers is None else self._caused(number, receivers).T
-        answers = other @ inverse
+        caused = self._caused(number, sources).T
+        answers = (caused if receivers is None else self._caused(number, receivers).T) @ inverse
         total = np.empty(len(pairs[0]), np.complex128)
         for begin in range(0, len(total), _AT_ONCE):
             part = slice(begin, begin + _AT_ONCE)
             first, second = pairs[0][part], pairs[1][part]
-            total[part] = np.einsum("pu,pu->p", one[first], answers[second])
+            total[part] = np.einsum("pu,pu->p", caused[first], answers[second])
             if receivers is None:
                 # equal to the last bit when exchanged
-                total[part] = (total[part] + np.einsum("pu,pu->p", one[second], answers[first])) / 2.0
+                total[part] = (total[part] + np.einsum("pu,pu->p", caused[second], answers[first])) / 2.0
         lengths = np.hypot(*sources[pairs[0]].T) + np.hypot(*ends[pairs[1]].T)
         return np.asarray(total / (-0.25j * hankel2(0, number * lengths)))
 
