@@ -281,7 +281,8 @@ class Legend(QWidget):
 
         A class is listed if it has readings or is hidden. Without a room, nothing is predicted.
         """
-        unused, counts = self._unused_for(shown), shown.rows.counts()
+        counts = shown.rows.counts()
+        unused = self._unused_for(shown, counts)
         if (shown.origin, shown.hidden) != (self._origin, self._hidden):
             self._origin, self._hidden = shown.origin, shown.hidden
             self._draw()
@@ -292,9 +293,9 @@ class Legend(QWidget):
             self.unused = unused
             self._fold()
 
-    def _unused_for(self, shown: Shown) -> set[QToolButton]:
+    def _unused_for(self, shown: Shown, counts: dict[Class, int]) -> set[QToolButton]:
         """Return the entries of what is not drawn."""
-        room, drawing, counts = shown.scene.room is not None, shown.found_room, shown.rows.counts()
+        room, drawing = shown.scene.room is not None, shown.found_room
         used = {
             self.explained[_NOTE]: bool(shown.notes),
             self.explained[_WALL]: room,

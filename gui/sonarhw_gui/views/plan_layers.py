@@ -131,7 +131,7 @@ class PathLayer(PlotLayer):
         for label in self.labels:
             label.setVisible(False)
         self._texts: list[tuple[str, FloatArray]] = []
-        self.spot: Point = (0.0, 0.0)
+        self._sensor: Point = (0.0, 0.0)
         self._colour = "k"
         self._drawn_with: tuple[str, Qt.PenStyle] | None = None  # colour and style of the rays
         plot.vb.sigRangeChanged.connect(self._lay_out)
@@ -150,7 +150,7 @@ class PathLayer(PlotLayer):
             self._drawn_with = self._colour, style
             self.rays.setPen(cosmetic_pen(self._colour, width=1.5, style=style))
         self.rays.setData(*points.T)
-        self._texts, self.spot = bounce_labels(points), shown.sensor.position
+        self._texts, self._sensor = bounce_labels(points), shown.sensor.position
         for k, label in enumerate(self.labels):
             label.setVisible(k < len(self._texts))
             if k < len(self._texts):
@@ -162,7 +162,7 @@ class PathLayer(PlotLayer):
 
     def _lay_out(self) -> None:
         """Place the labels without overlap. Their distance on the screen depends on the zoom."""
-        taken = [_sensor_box(self.labels[0].getViewBox(), self.spot)]
+        taken = [_sensor_box(self.labels[0].getViewBox(), self._sensor)]
         for label, (_, point) in zip(self.labels, self._texts, strict=False):
             _set_beside(label, point, taken)
 
@@ -329,7 +329,7 @@ class EdgeArrows(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no t
         self._look = Look()
         self._font = QFont()
         self._placed: dict[Class, Placed] = {}
-        self.spot: PixelPoint = (0.0, 0.0)
+        self._sensor: PixelPoint = (0.0, 0.0)
         self._chosen: int | None = None
         self.setParentItem(box)
         self.setZValue(1000)
@@ -343,7 +343,7 @@ class EdgeArrows(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no t
 
     def draw(self, placed: dict[Class, Placed], sensor: PixelPoint, chosen: int | None) -> None:
         """Draw the arrows of these readings."""
-        self._placed, self.spot, self._chosen = placed, sensor, chosen
+        self._placed, self._sensor, self._chosen = placed, sensor, chosen
         self._lay_out()
 
     def reading_at(self, position: QPointF) -> int | None:
@@ -407,7 +407,9 @@ class EdgeArrows(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no t
     def _lay_out(self) -> None:
         (left, right), (low, high) = self._box.viewRange()
         seen = QRectF(left, low, right - left, high - low)
-        self.arrows = edge_arrows(self._placed, seen, (self._box.width(), self._box.height()), self.spot, self._chosen)
+        self.arrows = edge_arrows(
+            self._placed, seen, (self._box.width(), self._box.height()), self._sensor, self._chosen
+        )
         self.setVisible(bool(self.arrows))
         self.update()
 

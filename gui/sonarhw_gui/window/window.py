@@ -420,9 +420,9 @@ class MainWindow(QtWidgets.QMainWindow):
     def focusNextPrevChild(self, forward: bool) -> bool:
         """Move the focus with Tab: the plan is first, then what is beside and below it, at last the toolbar."""
         parts = self.views.stage, self.legend, self.views, self.sound_bar, self.replay_bar, self.banner, self.toolbar
-        stops, now = tab_stops(self, parts, self._rows), self.focusWidget()
+        stops, focused = tab_stops(self, parts, self._rows), self.focusWidget()
         if stops:
-            place = stops.index(now) + (1 if forward else -1) if now in stops else 0 if forward else -1
+            place = stops.index(focused) + (1 if forward else -1) if focused in stops else 0 if forward else -1
             reason = Qt.FocusReason.TabFocusReason if forward else Qt.FocusReason.BacktabFocusReason
             stops[place % len(stops)].setFocus(reason)
         return bool(stops)
