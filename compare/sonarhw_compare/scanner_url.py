@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 
 LOOPBACK = "127.0.0.1:0"
 SCHEME = "fake"
+_SEED_DIGITS = 18
 _KEYS = ("place", "heading", "board", "seed", "pace", "faults")
 
 
@@ -161,8 +162,9 @@ def _read_heading(text: str) -> float:
 
 
 def _read_seed(text: str) -> int:
-    if not text.isdecimal():
-        raise InputError(f"seed {text!r}: expected a whole number, 0 or more")
+    # a part of the serial number, which has a length in the protocol
+    if not text.isdecimal() or len(text) > _SEED_DIGITS:
+        raise InputError(f"seed {text[:30]!r}: expected a whole number, 0 or more, of at most {_SEED_DIGITS} digits")
     return int(text)
 
 

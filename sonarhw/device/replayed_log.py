@@ -21,6 +21,7 @@ from sonarhw.wire.readings_of_frames import reading_message, trace_chunks
 _FASTEST_LINE = 1000  # times the usual speed of a line; a faster one would send a long log at once
 _TICK = 1e-6  # s
 _DEFAULT_SPACING = 0.1  # s; time of a lap of a scan with a single reading
+_LONGEST_WAIT = 86400.0  # s, for one reading; a longer one is a damaged time
 
 
 def _lap(scan: RecordedScan) -> float:
@@ -47,7 +48,7 @@ class ReplayDevice(ProtocolDevice):
     """
 
     def __init__(self, log: Log, speed: float = 1.0, loop: bool = False) -> None:
-        """Raises InputError for a log without a speed of sound."""
+        """Raises InputError for a log without a speed of sound, and for readings more than a day apart."""
         if not speed > 0:
             raise ValueError(f"speed is {speed}; expected a factor above 0")
         if any(math.isnan(reading.speed_of_sound) for reading in log.readings):
@@ -59,11 +60,21 @@ class ReplayDevice(ProtocolDevice):
         self._speed = speed
         self._loop = loop
         self._recordings = [scan for scan in log.scans if scan.readings]
+        self._check_waits()
         self._next = 0
         self._played: RecordedScan | None = None
         self._angle = 0  # µdeg
         self._temperature = log.info.temperature if log.info else messages.NO_TEMPERATURE
         self._settings = self._recorded_settings()
+
+    def _check_waits(self) -> None:
+        for scan in self._recordings:
+            for earlier, later in pairwise((scan.began, *(reading.time for reading in scan.readings))):
+                if not (later - earlier) / self._speed <= _LONGEST_WAIT:
+                    raise InputError(
+                        f"the log has a reading {later - earlier:.3g} s after the one before, and a replay would wait "
+                        "for it; use another log, or replay it with `sonarhw replay LOG --pace max`"
+                    )
 
     @property
     def boot(self) -> int:

@@ -133,6 +133,13 @@ def test_a_log_without_a_speed_of_sound_and_a_speed_of_zero_are_refused(log: Log
         ReplayDevice(log, speed=0.0)
 
 
+def test_a_log_whose_damaged_time_a_replay_would_wait_for_is_played_only_without_pauses(log: Log) -> None:
+    late = with_scans(log, (*log.readings[:-1], replace(log.readings[-1], time=log.readings[-1].time + 1e13)))
+    with pytest.raises(InputError, match=r"a reading 1e\+13 s after the one before"):
+        ReplayDevice(late, speed=10.0)
+    assert len(played(greeted(ReplayDevice(late, math.inf)))) == COUNT
+
+
 @pytest.mark.parametrize("speed_of_sound", [343_200, 300_000])
 def test_a_log_without_settings_is_replayed_with_the_recorded_ranges(log: Log, speed_of_sound: int) -> None:
     bare = replace(log, settings=None, scans=(replace(log.scans[0], settings=None),))
