@@ -352,44 +352,59 @@ class TurntableFit:
     reflectances: dict[str, Measured] = field(default_factory=dict)
 
 
-def starting_turntable(
-    scans: Sequence[PlacedScan], room: Room, board: Board, tick: Callable[[float], None]
-) -> TurntableFit:
-    """Return scale and threshold, shared by all scans, and the pose of each with which most of their echoes match.
+class StartingSearch:
+    """The starting values of scans of one room. What one scan shows alone is searched once for all sets of scans."""
 
-    The poses are within 3 cm of those given. The deviation of the scale is from a bootstrap of blocks of readings.
-    """
-    # a face beside the axis would need a search for paths at every heading; the range offset stands for it
-    plain = replace(board, mount=ON_AXIS)
-    scans = [replace(scan, readings=without_own_body(board.own_body, scan.readings)) for scan in scans]
-    boards = [replace(plain, threshold_db=board.threshold_db + change) for change in _THRESHOLDS]
-    matches = np.array([_matches(scans, room, tried) for tried in boards])
-    row, column = _best(matches, np.ones((1, matches.shape[2])))[0]
-    scales = board.turntable_scale * SCALES
-    redundancy = float(np.mean([mean_run(*angles_and_ranges(scan.readings)) for scan in scans]))
-    drawn = _best(matches, drawn_blocks(matches.shape[2], redundancy, np.random.default_rng(0)))
-    deviation = math.hypot(float(np.std(scales[[k for _, k in drawn]])), SCALES[1] - SCALES[0])
-    plain, scale = boards[row], float(scales[column])
-    turned = replace(plain, turntable_scale=scale)
-    fits = []
-    for k, scan in enumerate(scans):
-        tick(k / len(scans))
-        fits.append(fit_scan(scan.readings, room, scan.place, turned, _FREE | {"position"}))
-    threshold = Measured(plain.threshold_db, 0.0)
-    shared = {quantities.SCALE.key: Measured(scale, deviation), quantities.THRESHOLD.key: threshold}
-    return TurntableFit(shared, tuple(fit.place for fit in fits))
+    def __init__(self, scans: Sequence[PlacedScan], room: Room, board: Board) -> None:
+        """Prepare the search for scans of a board."""
+        # a face beside the axis would need a search for paths at every heading; the range offset stands for it
+        plain = replace(board, mount=ON_AXIS)
+        self._scans = [replace(scan, readings=without_own_body(board.own_body, scan.readings)) for scan in scans]
+        self._room = room
+        self._boards = [replace(plain, threshold_db=board.threshold_db + change) for change in _THRESHOLDS]
+        self._matches: dict[int, BoolArray] = {}
+        self._places: dict[tuple[int, int, int], Place] = {}
 
+    def turntable(self, numbers: Sequence[int], tick: Callable[[float], None]) -> TurntableFit:
+        """Return scale and threshold, shared by the scans `numbers`, and the pose of each with which most echoes match.
 
-def _matches(scans: Sequence[PlacedScan], room: Room, board: Board) -> BoolArray:
-    """Return whether each of the r readings of all scans matches with each of SCALES, (scales, r)."""
-    tables = [predict_scan(room, scan.place, board, all_round()).ranges for scan in scans]
-    boards = [replace(board, turntable_scale=board.turntable_scale * scale) for scale in SCALES.tolist()]
-    return np.array(
-        [
-            np.concatenate([_matching(scan, table, turned) for scan, table in zip(scans, tables, strict=True)])
-            for turned in boards
-        ]
-    )
+        The poses are within 3 cm of those given. The deviation of the scale is from a bootstrap of blocks of readings.
+        """
+        matches = np.concatenate([self._matches_of(number) for number in numbers], axis=2)
+        row, column = _best(matches, np.ones((1, matches.shape[2])))[0]
+        scales = self._boards[0].turntable_scale * SCALES
+        runs = [mean_run(*angles_and_ranges(self._scans[number].readings)) for number in numbers]
+        drawn = _best(matches, drawn_blocks(matches.shape[2], float(np.mean(runs)), np.random.default_rng(0)))
+        deviation = math.hypot(float(np.std(scales[[k for _, k in drawn]])), SCALES[1] - SCALES[0])
+        places = []
+        for done, number in enumerate(numbers):
+            tick(done / len(numbers))
+            places.append(self._place_of(number, row, column))
+        threshold = Measured(self._boards[row].threshold_db, 0.0)
+        shared = {
+            quantities.SCALE.key: Measured(float(scales[column]), deviation),
+            quantities.THRESHOLD.key: threshold,
+        }
+        return TurntableFit(shared, tuple(places))
+
+    def _matches_of(self, number: int) -> BoolArray:
+        """Return whether each of the r readings of a scan matches, (thresholds, scales, r)."""
+        if number not in self._matches:
+            scan = self._scans[number]
+            tables = [predict_scan(self._room, scan.place, board, all_round()).ranges for board in self._boards]
+            scales = (self._boards[0].turntable_scale * SCALES).tolist()
+            turned = [replace(self._boards[0], turntable_scale=scale) for scale in scales]
+            self._matches[number] = np.array([[_matching(scan, table, board) for board in turned] for table in tables])
+        return self._matches[number]
+
+    def _place_of(self, number: int, row: int, column: int) -> Place:
+        """Return the pose of a scan with a threshold (row) and a scale (column)."""
+        key = (number, row, column)
+        if key not in self._places:
+            board, scan = self._boards[row], self._scans[number]
+            turned = replace(board, turntable_scale=float(board.turntable_scale * SCALES[column]))
+            self._places[key] = fit_scan(scan.readings, self._room, scan.place, turned, _FREE | {"position"}).place
+        return self._places[key]
 
 
 def _best(matches: BoolArray, weights: FloatArray) -> list[tuple[int, int]]:
@@ -698,7 +713,8 @@ def calibrate_in_room(
     """
     _check(start, scans, reflectances)
     progress(0.0, "searching headings")
-    first = starting_turntable(scans, room, start, lambda share: progress(0.25 * share, "searching headings"))
+    search = StartingSearch(scans, room, start)
+    first = search.turntable(range(len(scans)), lambda share: progress(0.25 * share, "searching headings"))
     scale = first.shared[quantities.SCALE.key].value
     calibration = RoomCalibration(start, replace(start, turntable_scale=scale), scans=scans, given=room, room=room)
     calibration.before = _compared(calibration, start)
@@ -874,11 +890,13 @@ def _without_places(calibration: RoomCalibration, tick: Callable[[float], None])
     if len(places) < _FEWEST_PLACES:
         return {}
     start = replace(calibration.start, own_body=calibration.board.own_body)
+    search = StartingSearch(calibration.scans, calibration.room, start)
     fits = {}
     for done, number in enumerate(places):
         tick(done / len(places))
-        scans = [scan for scan, other in zip(calibration.scans, numbers.tolist(), strict=True) if other != number]
-        first = starting_turntable(scans, calibration.room, start, lambda _share: None)
+        others = np.flatnonzero(numbers != number).tolist()
+        scans = [calibration.scans[other] for other in others]
+        first = search.turntable(others, lambda _share: None)
         board = replace(calibration.board, turntable_scale=first.shared[quantities.SCALE.key].value)
         left_out = calibration.scans[numbers.tolist().index(number)].place
         name = left_out.name or f"{left_out.position[0]:g},{left_out.position[1]:g}"

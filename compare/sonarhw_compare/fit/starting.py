@@ -508,15 +508,22 @@ def _chosen(counts: FloatArray, means: FloatArray, offsets: FloatArray, echoes: 
     Most matching readings win, then the smaller mean error. A fit with less than half of that error wins instead if its
     count is the same within a standard error: a reading or two near the limit of 5 cm does not justify a wrong place.
     """
-    sizes = np.broadcast_to(np.abs(offsets), counts.shape).ravel()
-    best = int(np.lexsort((sizes, means.ravel().round(_EQUAL), -counts.ravel()))[0])
-    most, mean = float(counts.flat[best]), float(means.flat[best])
+    most = float(counts.max())
+
+    def least(errors: FloatArray, rows: NDArray[np.intp]) -> int:
+        """Return the row with the smallest error, or of equal ones with the smallest offset."""
+        sizes = np.abs(offsets)[rows % len(offsets)]
+        return int(rows[np.lexsort((sizes, errors.round(_EQUAL)))[0]])
+
+    counts_of, means_of = counts.ravel(), means.ravel()
+    rows = np.flatnonzero(counts_of == most)
+    best = least(means_of[rows], rows)
+    mean = float(means_of[best])
     alike = max(1.0, math.sqrt(most * (1 - most / echoes)))
-    closer = (counts >= most - alike) & (means < mean * _CLOSER)
-    if closer.any():
+    closer = np.flatnonzero((counts_of >= most - alike) & (means_of < mean * _CLOSER))
+    if len(closer):
         # each reading that does not match has an error of 5 cm or more
-        errors = np.where(closer, counts * means + (echoes - counts) * TOLERANCE, np.inf)
-        best = int(np.lexsort((sizes, errors.ravel().round(_EQUAL)))[0])
+        best = least(counts_of[closer] * means_of[closer] + (echoes - counts_of[closer]) * TOLERANCE, closer)
     place, turn, offset = np.unravel_index(best, counts.shape)
     return int(place), int(turn), int(offset)
 

@@ -145,7 +145,8 @@ def test_what_is_not_a_room_is_written_only_if_wanted(
         command = ["simulate", str(folder / "true.toml"), "--place", name, "--step", "15", "--board", "hc-sr04"]
         assert run([*command, "--out", log]) == 0
     capsys.readouterr()
-    command = ["map", *given, "--pose", "0.6,0.7,0", "--pose", "1.2,1.5,130", "--out", str(file)]  # the second is wrong
+    command = ["map", *given, "--pose", "0.6,0.7,0", "--pose", "1.2,1.5,130"]  # the second is wrong
+    command += ["--effort", "quick", "--out", str(file)]
     assert run([*command, "--json"]) == 1
     printed = capsys.readouterr()
     verdict = json.loads(printed.out)["found"]["verdict"]
@@ -178,6 +179,7 @@ def test_a_sensor_that_hears_less_than_its_profile_states_is_found_with_the_room
     assert "0 ± 4.0 dB was expected (its threshold_sd_db)" in room_file.read_text(encoding="utf-8")
 
 
+@pytest.mark.soak
 def test_a_room_with_corners_to_both_sides_is_found_from_all_echoes() -> None:
     arena, board = load_room("arena"), load_board("polaroid-6500")
     scans = [predicted_scan(arena, arena.places[f"p{k}"], board, every=True) for k in range(5)]
