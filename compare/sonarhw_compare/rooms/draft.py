@@ -325,12 +325,15 @@ def common_angle(draft: RoomDraft) -> float | None:
 
 
 def long_direction(draft: RoomDraft) -> float:
-    """Return the mean direction of all walls, rad, where those at right angles have the same.
+    """Return the mean direction, rad, of the walls at right angles to the common wall, where all of them have the same.
 
-    Each counts by the cube of its length, to which the information of touches along it is proportional.
+    Each counts by the cube of its length, to which the information of touches along it is proportional. Oblique walls
+    do not count: a wrong one would turn the whole room.
     """
-    angles = np.array([wall.angle for wall in draft.walls.values()])
-    lengths = np.array([last - first for first, last in map(draft.extent, draft.walls)])
+    away = set(oblique(draft))
+    kept = {key: wall for key, wall in draft.walls.items() if key not in away}
+    angles = np.array([wall.angle for wall in kept.values()])
+    lengths = np.array([last - first for first, last in map(draft.extent, kept)])
     return float(np.angle((lengths**3 * np.exp(4j * angles)).sum())) / 4
 
 
