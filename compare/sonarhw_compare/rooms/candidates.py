@@ -10,14 +10,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray, angle_difference
-from sonarhw_compare.arcs import FARTHEST, POSSIBLE, Arc, common_lines, common_points, direction, table_of
+from sonarhw_compare.arcs import FARTHEST, OTHER_PLACE, POSSIBLE, Arc, common_lines, common_points, direction, table_of
 from sonarhw_compare.fit.likelihood import ReadingNoise
+from sonarhw_compare.locate import learned
 from sonarhw_compare.match import compare_readings
-from sonarhw_compare.rooms.draft import DraftEnd, DraftPost, DraftWall, RoomDraft, meeting, post_name, wall_name
+from sonarhw_compare.rooms.draft import (
+    DraftEnd,
+    DraftPost,
+    DraftWall,
+    RoomDraft,
+    meeting,
+    oblique,
+    post_name,
+    wall_name,
+)
 from sonarhw_compare.rooms.evidence import (
     CLEARLY,
     FOLLOWED,
     PRICE,
+    ROUGH,
     Evidence,
     Scored,
     all_scored,
@@ -477,3 +488,50 @@ def support_of(evidence: Evidence, draft: RoomDraft, noise: ReadingNoise) -> tup
     without = [(wall_name(number), draft.without_only(key)) for number, key in enumerate(draft.walls)]
     without += [(post_name(number), draft.without_post(post)) for number, post in enumerate(draft.posts)]
     return tuple(Support(name, tuple(evidence.gains(rest, draft, noise))) for name, rest in without)
+
+
+# Which walls and posts the scans confirm.
+
+
+_MISFIT_SDS = 3.0  # standard deviations below the usual share, at which a scan does not fit
+
+
+def fitting(touches: Touches, scan: int) -> bool:
+    """Return whether a room explains nearly as many of the echoes of a scan as right rooms do of real scans."""
+    by_sensors, echoes = learned(), touches.echoes[scan]
+    least = by_sensors.usual_explained - _MISFIT_SDS * by_sensors.usual_explained_sd
+    return not echoes or 1 - touches.unexplained[scan] / echoes >= least
+
+
+def confirmed(evidence: Evidence, draft: RoomDraft) -> RoomDraft:
+    """Return the draft without walls and posts that no two places confirm; what the search began with stays.
+
+    Two places confirm what is worth its price without the place that speaks most for it. A scan at a wrong pose has
+    walls of its own, so what one place shows alone stays only if the room fits its scans, and as a wall at right angles
+    to the others.
+    """
+    touches, spots, turned = touches_of(evidence, draft), _spots(draft), oblique(draft)
+    supports, walls, kept = support_of(evidence, draft, ROUGH), list(draft.walls), draft
+    for key, support in zip(walls, supports, strict=False):
+        spot = _only_spot(support, spots, evidence.redundancy)
+        if spot is None or key in evidence.first.walls:
+            continue
+        fits = all(fitting(touches, scan) for scan in np.flatnonzero(spots == spot).tolist())
+        kept = kept if fits and key not in turned else kept.without_only(key)
+    fixed = len(evidence.first.posts)
+    for post, support in zip(draft.posts[fixed:], supports[len(walls) + fixed :], strict=True):
+        kept = kept if _only_spot(support, spots, evidence.redundancy) is None else kept.without_post(post)
+    return kept
+
+
+def _only_spot(support: Support, spots: NDArray[np.intp], redundancy: float) -> int | None:
+    """Return the place without which something is not worth its price; None if two places confirm it."""
+    gains = np.bincount(spots, [float(of_scan.sum()) for of_scan in support.gains]) / redundancy
+    return None if gains.sum() - gains.max() >= PRICE else int(gains.argmax())
+
+
+def _spots(draft: RoomDraft) -> NDArray[np.intp]:
+    """Return a number for each scan, (n,): scans at one place have the same."""
+    positions = np.array([place.position for place in draft.places])
+    near = np.hypot(*(positions[:, None] - positions).transpose(2, 0, 1)) < OTHER_PLACE
+    return np.asarray(near.argmax(axis=1))  # the first one there

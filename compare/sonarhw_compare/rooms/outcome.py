@@ -18,6 +18,7 @@ from sonarhw.readings import FloatArray
 from sonarhw_compare.free_space import find_free_space
 from sonarhw_compare.locate import Pose, learned
 from sonarhw_compare.map import RoomMap, rounded_point
+from sonarhw_compare.rooms.candidates import fitting
 from sonarhw_compare.rooms.draft import MATERIAL, REFLECTANCE, SHARE, SPREAD, at_right_angles, post_name, wall_name
 from sonarhw_compare.rooms.evidence import FINE, FOLLOWED
 from sonarhw_compare.rooms.refinement import Move, Shifts, shifts_of
@@ -88,6 +89,10 @@ def found_room_figures(result: FoundRoom) -> dict[str, Any]:
             for row, post in enumerate(result.draft.posts)
         ],
         "open_ends_m": [_rounded(end) for end in open_ends(result)],
+        "unconfirmed": {
+            "walls_m": [[_rounded(end) for end in ends] for ends in result.unconfirmed.segments.reshape(-1, 2, 2)],
+            "posts_m": [_rounded(post.center) for post in result.unconfirmed.posts],
+        },
     }
 
 
@@ -117,6 +122,14 @@ def assumptions(result: FoundRoom, board: Board) -> list[str]:
     return lines
 
 
+def unconfirmed_text(result: FoundRoom) -> list[str]:
+    """Return a line with the walls and posts that were removed, because no two places confirm them; none without."""
+    removed = result.unconfirmed
+    parts = [f"({x:.2f}, {y:.2f}) to ({x2:.2f}, {y2:.2f})" for x, y, x2, y2 in removed.segments.tolist()]
+    parts += [f"a post at ({x:.2f}, {y:.2f})" for x, y, _ in removed.round_surfaces.tolist()]
+    return [f"left out, because no two places confirm them (m): {'; '.join(parts)}"] if parts else []
+
+
 def open_ends(result: FoundRoom) -> list[tuple[float, float]]:
     """Return the ends of walls (m) beyond which the scans show nothing."""
     ends = []
@@ -133,7 +146,7 @@ def _header(result: FoundRoom, board: Board) -> list[str]:
         f"{result.explained} of {result.echoes} echoes are within 5 cm of one that this room predicts.",
         "± is one standard deviation. Surfaces that returned no echo to any scan are missing.",
     ]
-    lines += [f"{line[0].upper()}{line[1:]}." for line in assumptions(result, board)]
+    lines += [f"{line[0].upper()}{line[1:]}." for line in (*assumptions(result, board), *unconfirmed_text(result))]
     ends = ", ".join(f"({x:.2f}, {y:.2f})" for x, y in open_ends(result))
     if ends:
         lines.append(f"The walls may continue beyond these points (m): {ends}")
@@ -320,8 +333,7 @@ def _apart(places: Sequence[NextPlace], count: int) -> tuple[NextPlace, ...]:
 
 
 _LEAST_WALLS = 2
-_MISFIT_SDS = 3.0  # standard deviations below the usual share, at which a scan does not fit
-_MOST_MISFITS = 1 / 3  # of the scans
+_MOST_MISFITS, _MOST_MISSING = 1 / 8, 1 / 3  # of the scans of a room, and of all scans with those left out
 
 
 @dataclass(frozen=True)
@@ -361,12 +373,8 @@ def verdict_of(result: FoundRoom) -> Verdict:
     """Return whether the found walls and posts are a room of the scans."""
     by_sensors, touches = learned(), result.touches
     explained = result.explained / max(1, result.echoes)
-    least = by_sensors.usual_explained - _MISFIT_SDS * by_sensors.usual_explained_sd
-    misfits = [
-        scan.title
-        for scan, echoes, missing in zip(result.scans, touches.echoes, touches.unexplained, strict=False)
-        if echoes and 1 - missing / echoes < least
-    ]
+    misfits = [result.scans[row].title for row in range(len(touches.echoes)) if not fitting(touches, row)]
+    is_misfit = len(misfits) > _MOST_MISFITS * len(result.scans)
     misfits += result.left_out
     reasons = [
         f"{harmless(title)} is {away:.2f} m from its stated position, ± {deviation:.2f} m"
@@ -378,7 +386,7 @@ def verdict_of(result: FoundRoom) -> Verdict:
             f"{by_sensors.usual_explained:.0%} ± {by_sensors.usual_explained_sd:.0%} are usual"
         )
     scans = len(result.scans) + len(result.left_out)
-    if scans > 1 and len(misfits) > _MOST_MISFITS * scans:
+    if scans > 1 and (is_misfit or len(misfits) > _MOST_MISSING * scans):
         reasons.append(f"{len(misfits)} of {scans} scans do not fit")
     single = sum(len(scans_with) < 2 for scans_with in touches.seen.values())
     if scans > 1 and single > len(touches.seen) / 2:
@@ -415,6 +423,7 @@ class RoomOfScans:
             f"{counted(len(open_ends(result)), 'open end')}; "
             f"{result.explained} of {result.echoes} echoes are within 5 cm of one that it predicts",
             *assumptions(result, self.given_board),
+            *unconfirmed_text(result),
             *self.verdict.lines(),
             *map(_next_line, self.next_places or ()),
         ]

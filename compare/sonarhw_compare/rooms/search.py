@@ -349,6 +349,7 @@ class FoundRoom:
     # possible poses of each located scan, by its title, in the room of the scans before it
     poses: Mapping[str, tuple[Pose, ...]] = field(default_factory=dict)
     left_out: tuple[str, ...] = ()  # titles of the scans that could not be located
+    unconfirmed: RoomDraft = field(default_factory=lambda: RoomDraft(()))  # walls and posts that were removed
     # by title of the scan: m from where it was stated to be, and the stated deviation, where this is improbable
     displaced: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
@@ -410,8 +411,12 @@ def _found(evidence: Evidence) -> FoundRoom:
     end, deviations = (_glanced_end if is_quick else _finished)(evidence, best)
     if not end.walls:
         raise InputError("no wall found: expected scans from at least two places that face the same walls")
-    touches, of_threshold = candidates.touches_of(evidence, end), threshold_deviation(evidence, end)
-    return FoundRoom(end, deviations, touches, worth(scored(evidence, end)), of_threshold)
+    return _described(evidence, end, deviations)
+
+
+def _described(evidence: Evidence, draft: RoomDraft, deviations: dict[Move, float]) -> FoundRoom:
+    touches, of_threshold = candidates.touches_of(evidence, draft), threshold_deviation(evidence, draft)
+    return FoundRoom(draft, deviations, touches, worth(scored(evidence, draft)), of_threshold)
 
 
 def _best(evidence: Evidence, search: Callable[[Evidence, RoomDraft], RoomDraft], done: float) -> Scored:
@@ -679,6 +684,7 @@ def find_room_and_poses(
             search, stage = search.turned_again(stage)
         if search.course.effort is Effort.THOROUGH:
             stage = search.found_without_each(stage)
+        stage = search.confirmed(stage)
     tick(1.0)
     return replace(
         stage.found,
@@ -789,6 +795,31 @@ class _Search:
             again = self.room_with(without, {k: pose}, _TRYING, self.course.unseen)
             stage = max(stage, again, key=lambda candidate: candidate.found.worth)
         return stage
+
+    def confirmed(self, stage: _Stage) -> _Stage:
+        """Return the room without the walls and posts that no two places confirm, refined again.
+
+        If the profile states no spread, its sensor makes no errors that such walls explain, and all of them stay.
+        """
+        if not self.board.states_spread or len(stage.placed) < _FEWEST_SCANS:
+            return stage
+        scans, course = stage.placed, replace(self.course, effort=Effort.NORMAL)
+        spreads = [self._spread(k, scan.place) for k, scan in scans.items()]
+        evidence = evidence_of(
+            list(scans.values()), spreads, self.board, self.air, course, self.processes, self.progress
+        )
+        before = stage.found.draft
+        draft = candidates.confirmed(evidence, before)
+        if draft == before or not draft.walls:  # without any wall, most scans do not fit, so the verdict says enough
+            return stage
+        removed = RoomDraft(
+            (),
+            {key: before.alone(key) for key in before.walls if key not in draft.walls},
+            tuple(post for post in before.posts if post not in draft.posts),
+        )
+        draft = in_frame(evidence, refined(evidence, draft, FINE, _ROOM_STEPS, with_headings=True).draft)
+        found = _described(evidence, draft, deviations_of(evidence, draft))
+        return replace(stage, found=replace(found, unconfirmed=removed))
 
     def turned(self, stage: _Stage) -> "_Search | None":
         """Return the search from the headings that the room of the other scans shows; None if all are as they were.

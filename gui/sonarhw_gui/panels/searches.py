@@ -556,12 +556,12 @@ def poses_text(state: searches.FindState, unit: LengthUnit) -> str:
     """Return why this may be no room, the possible poses of located scans, and the scans that were not located."""
     if (answer := state.answer) is None:
         return ""
-    from sonarhw_compare.rooms.outcome import verdict_of
+    from sonarhw_compare.rooms.outcome import unconfirmed_text, verdict_of
 
     reasons = [f"⚠ This is probably not a room: {reason}." for reason in verdict_of(answer.result).reasons]
     lines = [f"{name}: {'; '.join(_pose(pose, unit) for pose in poses)}" for name, poses in answer.result.poses.items()]
     lines += [f"⚠ {name} is left out: its pose was not found." for name in answer.result.left_out]
-    return "\n".join([*reasons, *lines])
+    return "\n".join([*reasons, *lines, *unconfirmed_text(answer.result)])
 
 
 def _pose(pose: "Pose", unit: LengthUnit) -> str:

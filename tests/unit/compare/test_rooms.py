@@ -8,7 +8,7 @@ import pytest
 import tomlkit
 from sonarhw_compare.fit import PlacedScan
 from sonarhw_compare.locate import Pose, PoseSpread
-from sonarhw_compare.rooms.candidates import Touches
+from sonarhw_compare.rooms.candidates import Touches, confirmed
 from sonarhw_compare.rooms.causes import MovedWall, NewPost, NewWall, OtherReflectance, find_causes
 from sonarhw_compare.rooms.draft import DraftEnd, DraftPost, DraftWall, RoomDraft, draft_of_room
 from sonarhw_compare.rooms.evidence import FOLLOWED, ROUGH, Evidence, evidence_of, scored
@@ -18,7 +18,7 @@ from sonarhw_compare.rooms.refinement import Move, deviations_of, moves_of, rang
 from sonarhw_compare.rooms.search import FoundRoom, squared
 from sonarhw_sim.air import Air, Receiver
 from sonarhw_sim.board.profile import Board, load_board
-from sonarhw_sim.room.room import Place, load_room, parse_room
+from sonarhw_sim.room.room import Place, load_room, parse_room, with_walls
 
 from sonarhw.errors import InputError
 from tests.fixtures.predicted_readings import predicted_readings, predicted_scan
@@ -254,7 +254,19 @@ def test_a_room_is_turned_as_a_whole_to_written_positions_unless_a_pose_is_exact
     assert in_frame(evidence_of(scans, exact, board, room.air), turned) is turned
 
 
-# Scans whose poses are not known.
+# What several places confirm.
+
+
+def test_an_oblique_wall_that_one_place_alone_shows_is_not_confirmed() -> None:
+    room, board = polygon_room([(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)]), load_board("lego-nxt")
+    furnished = with_walls(room, np.array([[0.1, 0.9, 0.9, 0.1]]), "cabinet", 0.9)
+    places = [Place(str(at), at) for at in ((1.0, 1.0), (0.8, 1.3), (1.3, 0.8))]
+    draft = replace(draft_of_room(furnished), places=tuple(places))
+    for shown_to, kept in ((1, 4), (3, 5)):
+        rooms = [furnished] * shown_to + [room] * (3 - shown_to)
+        scans = [predicted_scan(of, at, board, 10.0) for of, at in zip(rooms, places, strict=True)]
+        evidence = evidence_of(scans, [PoseSpread(0.03, SOLVED)] * 3, board, room.air)
+        assert list(confirmed(evidence, draft).walls) == list(range(kept))
 
 
 # What is reported of a found room.
