@@ -88,6 +88,7 @@ class _Talk:
     answered: str = ""  # the newest command that was answered
     frames: int = 0
     received: int = 0  # bytes
+    start: bytes = b""  # the first of them
     rejected: list[Rejected] = field(default_factory=list)
     strays: list[messages.Message] = field(default_factory=list)  # since the newest command
     unknown: set[int] = field(default_factory=set)  # types of frames without a message
@@ -119,13 +120,24 @@ class _Talk:
         """Send a command with the number of the newest one, and return its answer. Raises _Fault."""
         name, sequence = type(message).__name__, self.asked
         self.rejected, self.strays = [], []
+        began, received = time.monotonic(), self.received
+
+        def answers_it(got: messages.Message) -> bool:
+            return getattr(got, "command", None) == sequence and _answers(got)
+
         for number in range(tries):
-            if self.rejected and number >= _TRIES:
+            if number >= _TRIES and self.received > received:
                 break
             self.send(message, sequence)
-            answer = self.await_message(lambda got: getattr(got, "command", None) == sequence and _answers(got))
+            answer = self.await_message(answers_it)
             if answer is not None:
+                after = time.monotonic() - began
+                # what waits for a device that starts late is answered later, too
+                if 0 < number < _TRIES and self.info and self.await_message(answers_it, _ANSWER_WITHIN):
+                    raise _Fault(f"answers {name} after {after:.1f} s", _AT_ONCE)
+                self._check_order(name, expected, sequence)
                 return self._checked(answer, expected, name)
+        self._check_order(name, expected, sequence)
         raise self._missing(name, expected, sequence)
 
     def _next_sequence(self) -> int:
@@ -166,6 +178,7 @@ class _Talk:
     def _receive(self) -> None:
         data = self.link.read()
         self.received += len(data)
+        self.start = (self.start + data)[:_HEADER]
         for frame in self._decoder.feed(data):
             if isinstance(frame, Rejected):
                 self.rejected.append(frame)
@@ -200,7 +213,8 @@ class _Talk:
         try:
             message = kind.unpack(frame.payload)
         except messages.MessageError as error:
-            raise _Fault(f"{kind.__name__}: {error}", _payload_advice(kind, frame, self.minor)) from error
+            advice = _fields_advice(kind, frame.payload, self.minor) if before else _payload_advice(kind, frame)
+            raise _Fault(f"{kind.__name__}: {error}", advice) from error
         self._check_content(message, frame)
         self._arrived.append(message)
 
@@ -223,13 +237,22 @@ class _Talk:
         if isinstance(message, messages.ReadingMessage):
             self.sent.setdefault(message.number, frame.time_us)
 
+    def _check_order(self, name: str, expected: type[messages.Message], sequence: int) -> None:
+        if any(isinstance(item, messages.Finished) and item.command == sequence for item in self.strays):
+            raise _Fault(
+                f"Finished of {name} without {expected.__name__} before it",
+                f"send {expected.__name__} (0x{expected.TYPE:02X}) when {name} begins, and Finished when it has ended",
+            )
+
     def _checked(self, answer: messages.Message, expected: type[M], name: str) -> M:
         if isinstance(answer, messages.Refused):
             code = messages.Refusal(answer.code).name if answer.code in [*messages.Refusal] else str(answer.code)
-            raise _Fault(
-                f"refuses {name} with {code}: {answer.text!r}",
-                _REFUSALS.get(code, "expected a refusal code from 1 to 6"),
-            )
+            advice = _REFUSALS.get(code, "expected a refusal code from 1 to 6")
+            if self.answered == name:
+                advice = _AGAIN
+            elif code == "UNKNOWN" and _type_of(name) <= messages.Resend.TYPE:
+                advice = f"every version has this command: answer it with {expected.__name__} (0x{expected.TYPE:02X})"
+            raise _Fault(f"refuses {name} with {code}: {answer.text!r}", advice)
         if not isinstance(answer, expected):
             raise _Fault(
                 f"answers {name} with {type(answer).__name__}; expected {expected.__name__}",
@@ -251,6 +274,10 @@ class _Talk:
                 f"answers {name} number {sequence} with the number {numbers[-1]} in `command`",
                 f"{order}`command` is the sequence of the frame with the command",
             )
+        if self.answered == name:
+            return _Fault(f"does not answer a repeated {name}", _AGAIN)
+        if answers:
+            return _Fault(f"still answers {self.answered}, not {name}", _AT_ONCE)
         if self.answered:
             return _Fault(
                 f"answers {self.answered}, not {name}",
@@ -258,6 +285,8 @@ class _Talk:
                 "ms; answer commands that are not implemented with Refused, UNKNOWN",
             )
         if self.received and not self.frames:
+            if printed := _TEXT.match(self.start):
+                return _printed(printed[0])
             return _Fault(
                 f"{self.received} bytes without a zero byte", "end each frame with a zero byte, after byte stuffing"
             )
@@ -286,6 +315,8 @@ def _type_of(name: str) -> int:
 # The stages: each returns what is right, or raises _Fault.
 
 
+_AT_ONCE = "answer each command within 50 ms: read commands in each pass of the main loop, also while something runs"
+_AGAIN = "a repeated command has the same sequence: send its answer and its Finished again, and do not carry it out"
 _REFUSALS = {
     "MALFORMED": "accept payloads that are longer than in your version, and ignore the rest",
     "NO_HELLO": "remember that a Hello has arrived, until the next start",
@@ -454,7 +485,7 @@ def _check_reading(talk: _Talk, reading: messages.ReadingMessage) -> None:
 _READING_ADVICE = {
     "its number means sweep": "number the sweeps, and the pings at each heading, from 0",
     "angle": "angles are in µdeg, counter-clockwise, and those of the order; every second sweep runs backwards",
-    "": "echo times are in ns, in order",
+    "": "echo times are in ns, in order, and within the listening time; a reading without an echo has none",
 }
 
 
@@ -470,7 +501,7 @@ def _repeated(talk: _Talk) -> str:
         what = "begins another scan" if after else "no Finished follows Started"
         raise _Fault(
             f"repeated StartScan: {what}",
-            "a repeated command has the same sequence: send its answer and its Finished again, and do not carry it out",
+            _AGAIN,
         )
     return "a repeated StartScan is answered, and not carried out again"
 
@@ -537,10 +568,7 @@ def _fault_of_block(rejected: Rejected) -> _Fault:
     """Return why a block is rejected, and its likely cause."""
     block = rejected.block
     if printed := _TEXT.match(block):
-        return _Fault(
-            f"text instead of frames: {printed[0][:40].decode('ascii')!r}",
-            "print nothing on this line besides frames; a device that prints text is scanned with `lines:PORT`",
-        )
+        return _printed(printed[0])
     try:
         body: bytes = cobs.decode(block)
     except cobs.DecodeError:
@@ -567,6 +595,13 @@ def _fault_of_block(rejected: Rejected) -> _Fault:
     )
 
 
+def _printed(text: bytes) -> _Fault:
+    return _Fault(
+        f"text instead of frames: {text[:40].decode('ascii')!r}",
+        "print nothing on this line besides frames; a device that prints text is scanned with `lines:PORT`",
+    )
+
+
 def _crc_mistakes(content: bytes) -> Iterator[tuple[int, str, str]]:
     """Yield CRCs that firmware computes by mistake, each with the mistake and what to do."""
     right = zlib.crc32(content)
@@ -589,15 +624,15 @@ def _crc(data: bytes, start: int, end: int) -> int:
     return zlib.crc32(data, start ^ 0xFFFFFFFF) ^ 0xFFFFFFFF ^ end
 
 
-def _payload_advice(kind: type[messages.Message], frame: Frame, minor: int) -> str:
-    """Return the likely cause of a payload that is too short."""
+def _payload_advice(kind: type[messages.Message], frame: Frame) -> str:
+    """Return the likely cause of a payload that is too short, in the first frame of a device."""
     payload = frame.time_us.to_bytes(8, "little")[4:] + frame.payload
     try:
         message = kind.unpack(payload)
     except messages.MessageError:
-        return _fields_advice(kind, frame.payload, minor)
+        return _fields_advice(kind, frame.payload, 0)
     if payload not in (message.pack(later) for later in range(limits.PROTOCOL_MINOR + 1)):
-        return _fields_advice(kind, frame.payload, minor)
+        return _fields_advice(kind, frame.payload, 0)
     return "the time in the header of a frame has 8 bytes, not 4"
 
 

@@ -204,6 +204,44 @@ FAULTS = {
     ),
     "endless scan": ("        finish(1)\n", "        pass\n", "Stop", "STOPPED"),
     "sequence": ("(sequence + 1) & 0xFFFF", "(sequence + 2) & 0xFFFF", "Hello or Configure", "follows"),
+    "prints JSON": (
+        "uart.write(stuff(",
+        "uart.write(b'{\"type\":1}\\n') or len(stuff(",
+        "Hello",
+        "text instead of frames",
+    ),
+    "late": (
+        "elif kind == 0x02:",
+        "elif kind == 0x02:\n        time.sleep(0.7)",
+        "Configure",
+        "answers Configure after",
+    ),
+    "late Hello": ("greeted = True\n", "greeted = True\n        time.sleep(1.2)\n", "Configure", "still answers Hello"),
+    "short Settings": (
+        '"<BHIIBI", 0x84, command, listen_us, blanking_us, 0, sound',
+        '"<BHIIB", 0x84, command, listen_us, blanking_us, 0',
+        "Configure",
+        "speed_of_sound u32",
+    ),
+    "no Accepted": (
+        'running, homed = command, True\n        reply(struct.pack("<BH", 0x82, command))',
+        "running, homed = command, True",
+        "Home",
+        "without Accepted before it",
+    ),
+    "deaf to repetition": (
+        "        send(answer)\n        if",
+        "        if",
+        "repetition",
+        "Finished of StartScan without Started",
+    ),
+    "refuses a repetition": (
+        "        send(answer)\n        if",
+        '        return refuse(command, BUSY, "done")\n        if',
+        "repetition",
+        "has the same sequence",
+    ),
+    "no Resend": ("elif kind == 0x07 and", "elif kind == 0x17 and", "Resend", "every version has this command"),
     "milliseconds": ("sequence, clock()", "sequence, clock() // 1000", "clock", "times as fast"),
 }
 
