@@ -164,7 +164,10 @@ _OTHER_OPTIONS = (
     _Instead("what --free does not name is fixed", "constant fix fixed hold keep"),
     _Instead("the speed is --speed, such as --speed 2", "factor fast rate"),
     _Instead("clockwise angles are --turn cw", "clockwise cw flip invert reverse"),
-    _Instead("the columns are --heading NAME and --range NAME", "angle-col angle-column angles column columns cols"),
+    _Instead(
+        "the columns are --heading NAME and --range NAME",
+        "angle angle-col angle-column angles column columns cols dist distance distances",
+    ),
     _Instead(
         "the unit of the ranges is --unit, such as --unit cm", "cm ft in inches m mm range-unit", option="--scale"
     ),
@@ -189,7 +192,8 @@ _OTHER_OPTIONS = (
     _Instead("the room is --room NAME or --room FILE.toml", "env environment map plan world"),
     _Instead("the board is --board NAME or --board FILE.toml", "device-profile profile sensor transducer"),
     _Instead(
-        "the board profile contains it; --board FILE.toml", "aperture beam beamwidth blanking frequency gain threshold"
+        "the board profile contains it; --board FILE.toml",
+        "aperture beam beamwidth blanking frequency gain max-dist max-distance max-range threshold",
     ),
     _Instead("its size is --size WxD in metres, such as --size 3.2x2.4", "depth dimensions height length width"),
     _Instead("a reading matches within 5 cm, which is fixed", "threshold tolerance within", option="--find-missing"),
@@ -206,6 +210,7 @@ _OTHER_OPTIONS = (
     _Instead("the name of the file stands without an option before it", _READ, "FILE"),
     _Instead("the file to write is --out", "file filename log o save save-as to write"),
 )
+_SHORTENED = 3  # letters of a command at least, such as `sim`
 _ALIKE = 0.75  # similarity of an option that is proposed; below, it is another word
 _MOST_FILES = 1000  # of a folder that are compared with a name
 _MOST_LISTED = 6  # options of a command with few
@@ -265,6 +270,7 @@ def _about_option(message: str, context: typer.Context, arguments: Sequence[str]
         if instead := next(filter(None, (_instead(part, context) for part in (word, *parts))), ""):
             return f"{message}; {instead}; see `{context.command_path} --help`"
     longer = [name for name in names if len(word) > 2 and name.startswith(option)]
+    longer = longer or [name for name in names if len(word) == 1 and name.startswith(f"-{option}")][:_MOST_LISTED]
     if similar := written or longer or difflib.get_close_matches(option, names, cutoff=_ALIKE):
         return f"{message}; did you mean {' or '.join(f'`{name}`' for name in similar)}?"
     if word in getattr(context.find_root().command, "commands", {}):
@@ -320,13 +326,16 @@ def _meant(message: str, context: typer.Context, arguments: Sequence[str]) -> st
     if group := next((name for name, group in groups.items() if word in getattr(group, "commands", {})), ""):
         return f"{path} {group} {word}"
     later = next((name for name in arguments[arguments.index(word) + 1 :] if name in groups), "")
+    longer = [name for name, command in groups.items() if name.startswith(word) and not command.hidden]
+    if len(longer) == 1 and len(word) >= _SHORTENED:
+        return f"{path} {longer[0]}"
     if opened := _command_for(word):
         return f"{path} {later} {word}" if later else f"{path} {opened}"
     every = re.split("[-_]", word)
     for group in every:
         if member := next((part for part in every if part in getattr(groups.get(group), "commands", {})), ""):
             return f"{path} {group} {member}"
-    words = {other: command for command, others in _OTHER_WORDS.items() for other in others.split()}
+    words = _commands_by_word()
     if word in words:
         return f"{path} {words[word]}"
     parts = [part for part in re.split("[-_]", word) if part not in _ANY]
@@ -336,6 +345,10 @@ def _meant(message: str, context: typer.Context, arguments: Sequence[str]) -> st
     shown_similar = difflib.get_close_matches(word, shown, n=1)
     similar = [] if shown_similar else difflib.get_close_matches(word, words, n=1, cutoff=_ALIKE)
     return f"{path} {words[similar[0]]}" if similar else ""
+
+
+def _commands_by_word() -> dict[str, str]:
+    return {other: command for command, others in _OTHER_WORDS.items() for other in others.split()}
 
 
 def _command_for(word: str) -> str:
@@ -362,7 +375,12 @@ def _meant_in_group(
             return f"{path} {name}"
     later = next((argument for argument in arguments[arguments.index(word) + 1 :] if argument in commands), "")
     is_name = "." in word or "/" in word or _is_room(word)
-    describes = later or (_OF_A_FILE.get(context.info_name or "") if is_name else "")
+    root = context.find_root()
+    elsewhere = word if word in getattr(root.command, "commands", {}) else _commands_by_word().get(word)
+    if elsewhere and not has_similar and not is_name:
+        return f"{root.command_path} {elsewhere}"
+    writes = "export" if "export" in commands and "--out" in arguments else ""
+    describes = later or ((writes or _OF_A_FILE.get(context.info_name or "")) if is_name else "")
     return f"{path} {describes} {word}" if describes and not has_similar else ""
 
 
@@ -393,12 +411,15 @@ def _about_extra(message: str, context: typer.Context, arguments: Sequence[str])
     names = {name for parameter in context.command.params for name in parameter.opts}
     extra = message.removesuffix(")").rpartition("(")[2].split(" ")[0]
     is_number = re.fullmatch(r"-?[\d.]+", extra) is not None
+    is_size = is_number or re.fullmatch(r"[x×*]|by|[\d.]+(m|cm|mm)", extra) is not None
     before = arguments[arguments.index(extra) - 1] if extra in arguments else ""
     known = f"{message}; expected `{_usage(context)}`; see `{context.command_path} --help`"
     if extra in ("from", "to", "step", "by") and "--step" in names:
         return f"{known}; write --from DEG --to DEG --step DEG"
-    if is_number and "--size" in arguments:
-        return f"{known}; write WxD without a space, such as --size 3.2x2.4"
+    if is_size and "--size" in arguments:
+        return f"{known}; write WxD in metres without a space, such as --size 3.2x2.4"
+    if extra in _ANY and (listed := _commands_by_word().get(f"{context.info_name}s")):
+        return f"{message}; did you mean `sonarhw {listed}`?"
     if before.endswith(",") or (is_number and re.fullmatch(r"-?[\d.,]+", before)):
         return f"{known}; write X,Y without a space"
     room = next((name for name in arguments if _is_room(name)), "")
