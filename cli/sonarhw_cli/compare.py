@@ -1,6 +1,6 @@
 """`sonarhw compare` and `sonarhw report`: a log and the prediction of a room, or two logs without one."""
 
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -8,9 +8,8 @@ import typer
 from sonarhw_compare.picture_file import PICTURES
 from sonarhw_sim.air import ROOM_TOLERANCE, Model
 
-from sonarhw.errors import InputError
 from sonarhw_cli import options
-from sonarhw_cli.inputs import LogFile, note_assumed_heading, notes_beside, open_in_room, open_scan
+from sonarhw_cli.inputs import LogFile, at_height, note_assumed_heading, notes_beside, open_in_room, open_scan
 from sonarhw_cli.outputs import checked_out, progress_of_fit, progress_of_share, text_output, write_figure, write_text
 
 if TYPE_CHECKING:
@@ -127,12 +126,8 @@ def compare_log(
         note_assumed_heading(place)
     scan, room, chosen = open_in_room(log_file, room_name, board)
     from sonarhw_compare import one_call
-    from sonarhw_sim.room.room import typed_place
 
-    typed = None if height is None or place is None else typed_place(place)
-    if height is not None and typed is None:
-        raise InputError(f"--height {height:g}: give --place X,Y,DEG, too; places of a room file have their own height")
-    where = place if typed is None else replace(typed, height=height)
+    where = at_height(place, height)
     with progress_of_fit(fit) as tick:
         return one_call.compare(scan, room, where, chosen, fit=fit, progress=tick, warn=options.warn, **settings)
 

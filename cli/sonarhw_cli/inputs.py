@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -153,6 +154,18 @@ def place_without_room(text: str) -> str:
         raise InputError(f"--place needs --room: {text} is a place of a room file; X,Y,DEG needs none")
     note_assumed_heading(text)
     return text
+
+
+def at_height(place: str | None, height: float | None) -> "Place | str | None":
+    """Return a place, with this height (m) if it is at X,Y. Raises InputError for the height of another place."""
+    from sonarhw_sim.room.room import typed_place
+
+    if height is None:
+        return place
+    typed = typed_place(place or "")
+    if typed is None:
+        raise InputError(f"--height {height:g}: give --place X,Y,DEG, too; places of a room file have their own height")
+    return replace(typed, height=height)
 
 
 def note_assumed_heading(text: str | None) -> None:

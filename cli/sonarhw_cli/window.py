@@ -12,12 +12,12 @@ from shlex import quote
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from sonarhw_sim.air import DEFAULT_BOARD
+from sonarhw_sim.air import DEFAULT_BOARD, Receiver
 
 from sonarhw.errors import InputError, MissingExtra, json_text
 from sonarhw.files import atomic_file
-from sonarhw_cli.inputs import resolve
-from sonarhw_cli.options import LOG, ROOM_NAME, ForceFiles, PlaceName, print_line
+from sonarhw_cli.inputs import at_height, resolve
+from sonarhw_cli.options import LOG, ROOM_NAME, ForceFiles, Height, PlaceName, ReceiverChoice, print_line
 from sonarhw_cli.outputs import made_folder, refuse_existing_in
 
 if TYPE_CHECKING:
@@ -37,14 +37,24 @@ _LOG, _SCAN, _ROOM = "log", "scan", "room"  # kinds of files
 
 @dataclass(frozen=True)
 class _Request:
-    """Room, place and board of the options; None if not given."""
+    """Room, place, board, height and receiver of the options; None if not given."""
 
-    room: str | None
-    place: str | None
-    board: str | None
+    room: str | None = None
+    place: str | None = None
+    board: str | None = None
+    height: float | None = None
+    receiver: Receiver | None = None
+
+    def predicted(self, scene: "Scene") -> "Scene":
+        """Return a scene with the height and the receiver. Raises InputError for the height of a named place."""
+        scene = replace(scene, options=replace(scene.options, receiver=self.receiver)) if self.receiver else scene
+        if self.height is None:
+            return scene
+        at_height(self.place, self.height)
+        return replace(scene, place=scene.place and replace(scene.place, height=self.height))
 
 
-_NOTHING = _Request(None, None, None)
+_NOTHING = _Request()
 
 
 Sources = Annotated[
@@ -65,6 +75,8 @@ def gui(
     room: Annotated[str | None, typer.Option(help="Room: name or file; default: the log's.", metavar=ROOM_NAME)] = None,
     place: PlaceName = None,
     board: BoardShown = None,
+    height: Height = None,
+    receiver: ReceiverChoice = None,
 ) -> int:
     """Open the window on a log, scans of other programs, a room or a scanner.
 
@@ -72,7 +84,7 @@ def gui(
     there is none, the demo.
     """
     with _collector_held():
-        return _open(sources or [], room, place, board)
+        return _open(sources or [], _Request(room, place, board, height, receiver))
 
 
 def show_demo() -> int:
@@ -96,9 +108,9 @@ def _collector_held() -> Iterator[None]:
         gc.enable()
 
 
-def _open(sources: list[str], room: str | None, place: str | None, board: str | None) -> int:
-    others, room_named = _sources_and_room(sources, room)
-    request = _Request(room or room_named, place, board)
+def _open(sources: list[str], request: _Request) -> int:
+    others, room_named = _sources_and_room(sources, request.room)
+    request = replace(request, room=request.room or room_named)
     if others and _kind(others[0]) == _LOG:
         return _replay(Path(others[0]), request)
     if others and _kind(others[0]) == _SCAN:
@@ -157,7 +169,7 @@ def _replay(path: Path, request: _Request) -> int:
     from sonarhw_cli.inputs import open_log
 
     log = open_log(path)
-    scene = _log_scene(log, request)
+    scene = request.predicted(_log_scene(log, request))
     named = quote(str(path))
     check_display(
         f"`sonarhw report {named} --out FILE.html` and `sonarhw compare {named} --plot FILE.png` work without a window"
@@ -169,14 +181,14 @@ def _replay(path: Path, request: _Request) -> int:
 
 
 def _show_scans(paths: list[Path], request: _Request) -> int:
-    scene = _scene(request, begin_at="")
+    scene = request.predicted(_scene(request, begin_at=""))
     instead = f"`sonarhw import {quote(str(paths[0]))}` makes a log, and `sonarhw report` works without a window"
     return _show(scene, request.room, paths, instead)
 
 
 def _show_room(room: str, request: _Request) -> int:
     instead = f"`sonarhw simulate {quote(room)} --out FILE.png` works without a window"
-    return _show(_scene(request, begin_at=""), room, [], instead)
+    return _show(request.predicted(_scene(request, begin_at="")), room, [], instead)
 
 
 def _show(scene: "Scene", room: str | None, files: list[Path], instead: str) -> int:
@@ -205,7 +217,7 @@ def _scan(url: str, request: _Request, resume: bool = False, follows: bool = Fal
     fake = is_fake(url)
     takes_board = not fake and request.board is None
     request = replace(request, board=request.board or _board_of(url))
-    scene = _fake_scene(url, request) if fake else _scene(request)
+    scene = request.predicted(_fake_scene(url, request) if fake else _scene(request))
     check_display(DEMO if fake else f"`sonarhw scan {quote(url)} --out LOG.mcap` works without a window")
     from sonarhw_gui.window.start import WindowStart
 

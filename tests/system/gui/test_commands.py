@@ -22,6 +22,7 @@ from sonarhw_gui.window.commands import draw_page
 from sonarhw_gui.window.dialogs import HelpPage
 from sonarhw_gui.window.start import WindowStart, open_window
 from sonarhw_gui.window.window import MainWindow, spoken_name
+from sonarhw_sim.air import Receiver
 
 from sonarhw.host.scanner import Scanner
 from sonarhw.log import read_log
@@ -285,6 +286,16 @@ def test_a_window_is_painted_before_it_predicts_and_a_closed_one_begins_nothing(
     window.close()
     window.session.begin()
     assert not window.session.showing.forecast.searching
+
+
+def test_height_and_receiver_of_the_options_are_those_of_the_prediction(monkeypatch: pytest.MonkeyPatch) -> None:
+    starts: list[WindowStart] = []
+    monkeypatch.setattr("sonarhw_cli.window._run", lambda start: starts.append(start) or 0)
+    assert run(["gui", "simple", "--place", "1,1,0", "--height", "0.9", "--receiver", "board"]) == 0
+    scene = starts[0].scene
+    assert scene.room
+    assert scene.place
+    assert (scene.place.height, scene.options.receiver_of(scene.board)) == (0.9, Receiver.BOARD)
 
 
 def test_a_demo_scan_waits_for_its_prediction(
