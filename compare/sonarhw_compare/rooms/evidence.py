@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import pairwise
+from itertools import groupby, pairwise
 from typing import Any, TypeVar
 
 import numpy as np
@@ -15,7 +15,7 @@ from sonarhw_sim.room.room import Room
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.likelihood import PathMemory, ReadingNoise
-from sonarhw_compare.fit.objective import Problem, make_problem
+from sonarhw_compare.fit.objective import Problem, make_problem, near_together
 from sonarhw_compare.fit.parameters import Parameter
 from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_compare.locate import PoseSpread
@@ -330,10 +330,14 @@ def _stages(scans: Sequence[int]) -> tuple[Sequence[int], Sequence[int]]:
 
 
 def _bounds(items: int, processes: int) -> list[int]:
-    """Return where the parts of items begin and end that processes take in turn: large ones first, single ones last."""
-    bounds = [0]
+    """Return where the parts of items begin and end that processes take in turn: large ones first, small ones last.
+
+    Single ones would take longer, because the paths of several scans are searched together.
+    """
+    bounds, least = [0], -(-items // (4 * processes))
     while bounds[-1] < items:
-        bounds.append(bounds[-1] + max(1, (items - bounds[-1]) // (2 * processes)))
+        left = items - bounds[-1]
+        bounds.append(bounds[-1] + min(left, max(least, left // (2 * processes))))
     return bounds
 
 
@@ -348,12 +352,15 @@ def _key(draft: RoomDraft, room: Room, scan: int, noise: ReadingNoise) -> bytes:
 def _of_scans(
     evidence: Evidence, items: Sequence[tuple[RoomDraft, Room, int]], noise: ReadingNoise
 ) -> list[FloatArray]:
-    """Return the log-likelihood of each reading of scans, (n,) each; items are a draft, its room, and a scan."""
+    """Return the log-likelihood of each reading of scans, (n,) each; items are a draft, its room, and a scan.
+
+    The paths of the scans of one draft are searched together.
+    """
     logarithms = []
-    for draft, room, scan in items:
-        problem = evidence.of_draft(draft, room, scan)
-        values = problem.with_noise(np.empty(0), noise)
-        logarithms.append(np.round(problem.near(values).by_reading(values, 0), _DIGITS))
+    for _, of_draft in groupby(items, key=lambda item: id(item[1])):
+        for objective in near_together([evidence.of_draft(*item) for item in of_draft]):
+            values = objective.problem.with_noise(np.empty(0), noise)
+            logarithms.append(np.round(objective.by_reading(values, 0), _DIGITS))
     return logarithms
 
 

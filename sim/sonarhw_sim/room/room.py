@@ -374,7 +374,8 @@ class Room:
         return same_values(self, other) if isinstance(other, Room) else NotImplemented
 
     def __hash__(self) -> int:
-        return hash((self.name, self.text, self.names))
+        # with the walls, because all drafts of a search have one name, and caches would compare them all
+        return hash((self.name, self.text, self.names, (self.walls + 0.0).tobytes()))  # no negative zero
 
     def __repr__(self) -> str:
         size = f"{counted(len(self.walls), 'wall')}, {counted(len(self.posts), 'post')}"

@@ -31,7 +31,7 @@ SIDE_BY_SIDE = 0.1
 # Paths bent by an edge and by levels, in a room that sound can pass at several heights, are many and faint: they are
 # listed 20 dB less far down than the others.
 _LOUDER = 10.0
-_FIRST, _FEWEST, _MOST = 8, 2, 128  # places of one search
+_FIRST, _FEWEST, _MOST = 16, 2, 128  # places of one search
 _CACHED = 4000  # paths that fit into the cache of a processor with those that lead to them
 _MOST_SURFACES = 46_000  # with more, the number of an edge in sections exceeds 32 bits
 
