@@ -3,7 +3,8 @@
     python -m benchmarks.batch [--poses 100] [--rounds 3] [--many 20000]
 
 Prints processor time for each pose, the ratio, how many readings differ by more than 1 mm from single predictions, and
-how many cores worked, by the clock. The last line is the memory that many poses need.
+how many cores worked, by the clock. Then what a table of each room needs and gives. The last line is the memory that
+many poses need.
 """
 
 import argparse
@@ -74,6 +75,23 @@ def measure(name: str, board_name: str, count: int, rounds: int) -> str:
     )
 
 
+def table_of(name: str, board_name: str) -> str:
+    """Return a line about the table of a room: its cost, and the readings that are looked up in a second of a core."""
+    room, board = sonarhw.load_room(name), sonarhw.load_board(board_name)
+    tables = [sonarhw.range_table(room, board, spacing=0.2)]  # loads or compiles the kernels
+    made = cost_of(lambda: tables.append(sonarhw.range_table(room, board)))
+    table = tables[-1]
+    random, space = np.random.default_rng(3), find_free_space(room)
+    poses = np.array([(*space.draw(random), random.uniform(0, 2 * np.pi)) for _ in range(1000)])
+    looked_up = cost_of(lambda: table.ranges(np.tile(poses, (30, 1)), HEADINGS))
+    size = (table.distances.nbytes + table.slopes.nbytes) / 1e6
+    readings = 30_000 * len(HEADINGS) / looked_up.processor / 1e6
+    return (
+        f"{name:10} {board_name:13}  {made.processor:6.1f} s  {size:5.1f} MB  {readings:5.1f} million/s"
+        f"  {table.within_5mm:6.1%}"
+    )
+
+
 def memory_of(count: int) -> str:
     """Return how much more memory so many poses in the arena need than 100, beside that of their ranges."""
     room, board = sonarhw.load_room("arena"), sonarhw.load_board("hc-sr04")
@@ -97,6 +115,9 @@ def main() -> None:
     print("room       board          predict    predict_ranges  ratio  other  cores  log-likelihood in cells")
     for setting in SETTINGS:
         print(measure(*setting, given.poses, given.rounds), flush=True)
+    print("table of the room         made in  size      looked up        within 5 mm")
+    for setting in SETTINGS[:3]:
+        print(table_of(*setting), flush=True)
     print(memory_of(given.many))
 
 

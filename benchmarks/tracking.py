@@ -13,6 +13,7 @@ import argparse
 import math
 import time
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from sonarhw_compare.free_space import FreeSpace, find_free_space
@@ -133,11 +134,17 @@ class Figures:
 
 
 def tracked(
-    room: sonarhw.Room, board: sonarhw.Board, driven: Drive, model: Model, seed: int, everywhere: bool
+    room: sonarhw.Room,
+    board: sonarhw.Board,
+    driven: Drive,
+    model: Model | sonarhw.RangeTable,
+    seed: int,
+    everywhere: bool,
 ) -> Figures:
     """Return the errors of a tracker that starts at the true pose, or anywhere."""
     start = None if everywhere else driven.poses[0]
-    tracker = Tracker(room, board, start, model=model, drift=DRIFT, seed=seed)
+    by: dict[str, Any] = {"model": model} if isinstance(model, Model) else {"table": model}
+    tracker = Tracker(room, board, start, drift=DRIFT, seed=seed, **by)
     errors, within, begun = [], [], time.process_time()
     for pose, step, ranges in zip(driven.poses, driven.odometry, driven.ranges, strict=True):
         found = tracker.update(step, driven.headings, ranges)
@@ -177,10 +184,11 @@ def main() -> None:
     figures: dict[str, list[Figures]] = {}
     for name in given.rooms:
         room = sonarhw.load_room(name)
+        models = {model.value: model for model in MODELS} | {"table": sonarhw.range_table(room, board)}
         for seed in range(count):
             driven = drive(room, board, way, given.sensors, seed)
-            for model in MODELS:
-                figures.setdefault(model.value, []).append(tracked(room, board, driven, model, seed, given.everywhere))
+            for title, model in models.items():
+                figures.setdefault(title, []).append(tracked(room, board, driven, model, seed, given.everywhere))
             figures.setdefault("odometry alone", []).append(dead_reckoning(driven))
     drives = len(given.rooms) * count
     start = "unknown start" if given.everywhere else "known start"

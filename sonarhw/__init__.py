@@ -25,7 +25,8 @@ Predict
   another program.
 - `load_board`, `board_names`, `Board`: board profiles.
 - `predict`, `PredictionOptions`, `PredictedScan`: the prediction of a scan.
-- `predict_ranges`: the ranges at many poses, on all cores.
+- `predict_ranges`: the ranges at many poses, on all cores. `range_table`, `RangeTable`, `load_range_table`: those of a
+  whole room, to be looked up.
 
 Compare
 

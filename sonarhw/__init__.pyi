@@ -27,6 +27,7 @@ from sonarhw_compare.one_call import (
     track,
     write_report,
 )
+from sonarhw_compare.range_table import RangeTable, load_range_table, range_table
 from sonarhw_compare.room_import.imported import ImportedRoom, import_room
 from sonarhw_compare.scanner_url import open_scanner
 from sonarhw_compare.scans import GivenScan, scan_from_arrays
@@ -87,6 +88,7 @@ __all__ = [
     "PluginScanner",
     "PredictedScan",
     "PredictionOptions",
+    "RangeTable",
     "Reading",
     "Recorder",
     "Room",
@@ -113,6 +115,7 @@ __all__ = [
     "import_room",
     "import_scan",
     "load_board",
+    "load_range_table",
     "load_room",
     "load_study",
     "locate",
@@ -123,6 +126,7 @@ __all__ = [
     "pings_in_place",
     "predict",
     "predict_ranges",
+    "range_table",
     "read_faults",
     "read_log",
     "read_study",

@@ -26,6 +26,7 @@ from sonarhw_compare.fit.likelihood import ReadingNoise, ScanArrays
 from sonarhw_compare.fit.objective import Objective, Problem
 from sonarhw_compare.fit.parameters import free_parameters
 from sonarhw_compare.free_space import FreeSpace, find_free_space
+from sonarhw_compare.range_table import RangeTable
 from sonarhw_compare.scans import GivenScan, echoes_of
 
 _NOISE = ReadingNoise(range=0.02, level=2.0, missed=0.1, lost=0.05, stray=0.05)
@@ -159,38 +160,59 @@ def _scan_arrays(angles: FloatArray, ranges: FloatArray) -> ScanArrays:
     return ScanArrays(angles, np.ascontiguousarray(echoes[:, None]), counts, np.ones(len(angles), np.bool_))
 
 
-class NearestLikelihood:
-    """The log-likelihood of poses by the nearest wall, along the axis or in a cone, as other packages have it.
+class RangeLikelihood:
+    """The log-likelihood of poses by one predicted range for each reading.
 
-    A range is normal about the nearest wall, with the spread of maps made with Polaroid units, or a stray, or no echo.
+    A range is normal about the predicted one, or a stray, or there is no echo.
     """
 
-    _RAYS_OF_CONE = 13
     _NO_ECHO, _STRAY = 0.1, 0.1  # shares
 
-    def __init__(self, room: Room, board: Board, model: Model) -> None:
-        half = CONE_HALF_ANGLE if model is Model.CONE else 0.0
-        self._room, self._board = room, board
-        self._ahead = board.mount.ahead if board.ring is None else board.ring.radius
-        self._fan = np.linspace(-half, half, self._RAYS_OF_CONE) if half else np.zeros(1)
+    def __init__(
+        self, predicted: Callable[[FloatArray, FloatArray], FloatArray], most: float, spread: float, by_range: float
+    ) -> None:
+        """`predicted` returns the ranges at poses (k, 3) and angles (m,), (k, m) m; NaN or over `most` (m): none.
+
+        The standard deviation of a range is `spread` (m) and `by_range` times the range.
+        """
+        self._predicted, self._most = predicted, most
+        self._spread, self._by_range = spread, by_range
 
     def __call__(self, poses: FloatArray, angles: FloatArray, ranges: FloatArray) -> FloatArray:
         """Return the log-likelihood of readings at turntable angles (m,) rad with ranges (m,) m at poses (k, 3)."""
-        headings = poses[:, 2:] + self._board.turned(angles)
-        aside = self._ahead * np.stack((np.cos(headings), np.sin(headings)), axis=-1)
-        starts = np.repeat((poses[:, None, :2] + aside).reshape(-1, 2), len(self._fan), axis=0)
-        rays = (headings[..., None] + self._fan).ravel()
-        nearest = distances_ahead(starts, rays, self._room.surfaces).reshape(*headings.shape, -1).min(axis=2)
-        most = self._board.max_range
-        spread = SPREAD + SPREAD_BY_RANGE * np.minimum(nearest, most)
+        predicted = self._predicted(poses, angles)
+        spread = self._spread + self._by_range * np.minimum(predicted, self._most)
         with np.errstate(over="ignore", invalid="ignore"):
-            hit = np.exp(-0.5 * ((ranges - nearest) / spread) ** 2) / (spread * math.sqrt(math.tau))
+            hit = np.exp(-0.5 * ((ranges - predicted) / spread) ** 2) / (spread * math.sqrt(math.tau))
         silent = ~np.isfinite(ranges)
-        out_of_range = nearest > most
-        hit = np.where(out_of_range, 0.0, hit)
-        echo = (1 - self._NO_ECHO - self._STRAY) * hit + self._STRAY / most
-        none = np.where(out_of_range, 1 - self._STRAY, self._NO_ECHO)
+        no_echo = ~(predicted <= self._most)
+        hit = np.where(no_echo, 0.0, hit)
+        echo = (1 - self._NO_ECHO - self._STRAY) * hit + self._STRAY / self._most
+        none = np.where(no_echo, 1 - self._STRAY, self._NO_ECHO)
         return np.asarray(np.log(np.where(silent, none, echo)).sum(axis=1))
+
+
+_RAYS_OF_CONE = 13
+_TABLE_SPREAD = 0.03  # m: errors of a table, of the room and of ranges
+
+
+def _by_nearest_wall(room: Room, board: Board, model: Model) -> RangeLikelihood:
+    """Return the likelihood by the nearest wall, along the axis or in a cone, as other packages have it.
+
+    The spread of ranges is that of maps made with Polaroid units.
+    """
+    half = CONE_HALF_ANGLE if model is Model.CONE else 0.0
+    ahead = board.mount.ahead if board.ring is None else board.ring.radius
+    fan = np.linspace(-half, half, _RAYS_OF_CONE) if half else np.zeros(1)
+
+    def nearest(poses: FloatArray, angles: FloatArray) -> FloatArray:
+        headings = poses[:, 2:] + board.turned(angles)
+        aside = ahead * np.stack((np.cos(headings), np.sin(headings)), axis=-1)
+        starts = np.repeat((poses[:, None, :2] + aside).reshape(-1, 2), len(fan), axis=0)
+        rays = (headings[..., None] + fan).ravel()
+        return np.asarray(distances_ahead(starts, rays, room.surfaces).reshape(*headings.shape, -1).min(axis=2))
+
+    return RangeLikelihood(nearest, board.max_range, SPREAD, SPREAD_BY_RANGE)
 
 
 @dataclass(frozen=True)
@@ -225,13 +247,15 @@ class Tracker:
         drift: tuple[float, float] = (0.05, math.radians(3)),
         model: Model = Model.RAY_FOLLOWING,
         cell: float = _CELL,
+        table: RangeTable | None = None,
         seed: int = 0,
     ) -> None:
         """Begin at a pose, x and y in m and the heading in rad, or anywhere in the room.
 
         `spread` are the standard deviations of the start: of x and of y (m), and of the heading (rad). `drift` are
         those of the odometry: its share of the way, and the turn (rad) per metre. `model` is ray following, `cone` or
-        `nearest`. `cell` (m) is the side of the cells that share a search of paths. Raises InputError.
+        `nearest`. `cell` (m) is the side of the cells that share a search of paths. With a `table` of this room and
+        board, ranges are looked up instead, which is many times faster and knows nothing of levels. Raises InputError.
         """
         self._room = _room(_ROOM("room", room))
         self._board = _board(_BOARD("board", board))
@@ -239,9 +263,14 @@ class Tracker:
         self._drift = _pair("drift", drift)
         self._count = arguments.whole(1, 1_000_000)("particles", particles)
         model, cell = arguments.choice(Model)("model", model), arguments.number(0.01, 1.0, "m")("cell", cell)
-        self._likelihood: PoseLikelihood | NearestLikelihood
-        if model in (Model.CONE, Model.NEAREST):
-            self._likelihood = NearestLikelihood(self._room, self._board, model)
+        self._likelihood: PoseLikelihood | RangeLikelihood
+        if table is not None:
+            arguments.instance(RangeTable, "a table that `range_table` made")("table", table)
+            if (table.room, table.board) != (self._room, self._board):
+                raise InputError(f"table: expected one of room {self._room.name!r} and board {self._board.name!r}")
+            self._likelihood = RangeLikelihood(table.ranges, self._board.max_range, _TABLE_SPREAD, 0.0)
+        elif model in (Model.CONE, Model.NEAREST):
+            self._likelihood = _by_nearest_wall(self._room, self._board, model)
         else:
             self._likelihood = PoseLikelihood(self._room, self._board, cell)
         self._free: FreeSpace = find_free_space(self._room)

@@ -55,7 +55,7 @@ _STAGES, _LONGER = 6, 1.5  # lengths of searches, and the ratio of two of them
 _BEYOND = 1.6  # times the way to the surface straight ahead and back: by then, most echoes have begun
 _MOST_OPEN = 0.75  # share of headings: for fewer, only rays near their beams are followed
 _AT_ONCE = 4096  # poses, so that memory does not grow with their number
-_POSES = "x and y in metres and a heading in radians"
+POSES = "x and y in metres and a heading in radians"
 
 
 @arguments.checked(
@@ -91,16 +91,16 @@ def predict_ranges(
     """
     room = room if isinstance(room, Room) else load_room(room)
     profile = board if isinstance(board, Board) else load_board(board)
-    rows = arguments.rows("poses", poses, (2, 3), _POSES)
+    rows = arguments.rows("poses", poses, (2, 3), POSES)
     if (np.abs(rows[:, :2]) > MAX_COORDINATE).any():
         raise InputError(f"poses: expected x and y in metres, none over {MAX_COORDINATE:g}")
     turns = arguments.in_radians("poses", rows[:, 2], degrees) if rows.shape[1] == 3 else np.zeros(len(rows))
     warn_of_poses("poses", room, rows[:, :2])
     if height is not None:
         room.check_height(height)
-    angles = _angles_of(headings, profile, degrees)
+    angles = angles_of(headings, profile, degrees)
     if not levels and height is None and _is_planar(room, profile, options or PredictionOptions()):
-        sensors = _sensors(room, profile, angles)
+        sensors = sensors_of(room, profile, angles)
         if sensors is not None:
             return _in_plan(room, np.column_stack((rows[:, :2], turns)), sensors, profile, options)
     places = [Place("", (x, y), turn, height) for x, y, turn in np.column_stack((rows[:, :2], turns)).tolist()]
@@ -109,7 +109,7 @@ def predict_ranges(
     return (ranges, over) if levels else ranges
 
 
-def _angles_of(headings: ArrayLike | None, board: Board, degrees: bool) -> FloatArray:
+def angles_of(headings: ArrayLike | None, board: Board, degrees: bool) -> FloatArray:
     """Return headings relative to that of the pose, rad."""
     if headings is not None:
         return arguments.in_radians("headings", arguments.angles("headings", headings), degrees)
@@ -147,7 +147,7 @@ def _is_planar(room: Room, board: Board, options: PredictionOptions) -> bool:
 
 
 @dataclass(frozen=True)
-class _Sensors:
+class Sensors:
     """Where transducers are, for a robot at the origin that faces along x; k places with h headings each."""
 
     senders: FloatArray  # (k, 2), m
@@ -169,7 +169,7 @@ def _moved(points: FloatArray, poses: FloatArray) -> FloatArray:
     return np.asarray((poses[:, None, :2] + turned).reshape(-1, 2))
 
 
-def _sensors(room: Room, board: Board, angles: FloatArray) -> _Sensors | None:
+def sensors_of(room: Room, board: Board, angles: FloatArray) -> Sensors | None:
     """Return the transducers at turntable angles (m,) rad; None if one may hear the pings of others.
 
     Raises InputError if the board is a ring and has no sensor at one of the angles.
@@ -177,7 +177,7 @@ def _sensors(room: Room, board: Board, angles: FloatArray) -> _Sensors | None:
     axis = _axis(board, np.zeros(3))
     headings = axis.heading + board.turned(angles)
     if paths_serve_all_headings(board, Unit.PASS):
-        return _Sensors(np.array([axis.position]), None, headings[None], True)
+        return Sensors(np.array([axis.position]), None, headings[None], True)
     senders, receivers = [], []
     for heading in headings.tolist():
         listener, others = board.mounting.pose(axis, heading), board.mounting.senders(axis, heading)
@@ -187,7 +187,7 @@ def _sensors(room: Room, board: Board, angles: FloatArray) -> _Sensors | None:
         senders.append(pairs[0].sender.sender)
         receivers.append(listener.receiver)
     apart = None if senders == receivers else np.array(receivers).reshape(-1, 2)
-    return _Sensors(np.array(senders).reshape(-1, 2), apart, headings[:, None], False)
+    return Sensors(np.array(senders).reshape(-1, 2), apart, headings[:, None], False)
 
 
 @dataclass(frozen=True)
@@ -211,7 +211,7 @@ class _Batch:
 
 
 def _in_plan(
-    room: Room, poses: FloatArray, sensors: _Sensors, board: Board, options: PredictionOptions | None
+    room: Room, poses: FloatArray, sensors: Sensors, board: Board, options: PredictionOptions | None
 ) -> FloatArray:
     """Return the ranges of `predict_ranges` of sensors at poses (n, 3), (n, m), of sound in the plan."""
     options = options or PredictionOptions(rays=_RAYS[board.receiver])

@@ -19,9 +19,9 @@ from sonarhw_compare.locate import (
     locate_scan,
     read_poses,
 )
-from sonarhw_compare.track import NearestLikelihood, Tracker, log_likelihood
+from sonarhw_compare.track import Tracker, log_likelihood
 from sonarhw_sim.air import Model
-from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.board.profile import Ring, load_board
 from sonarhw_sim.room.room import Place, load_room
 
 import sonarhw
@@ -178,9 +178,61 @@ def test_poses_are_as_likely_together_as_alone() -> None:
 
 
 def test_the_nearest_wall_along_the_axis_is_the_mean_of_the_baseline() -> None:
-    near = NearestLikelihood(sonarhw.room_from_arrays([[0, 0], [4, 0], [4, 3], [0, 3]]), QUICK, Model.NEAREST)
-    poses = np.array([[x, 1.5, 0.0] for x in np.linspace(0.5, 3.5, 301)])
-    assert poses[near(poses, np.zeros(1), np.array([1.2])).argmax(), 0] == pytest.approx(2.8, abs=0.02)
+    room = sonarhw.room_from_arrays([[0, 0], [4, 0], [4, 3], [0, 3]])
+    tracker = Tracker(room, QUICK, (2.6, 1.5, 0.0), spread=(0.2, 0.01), model=Model.NEAREST, particles=2000, seed=1)
+    for _ in range(20):
+        found = tracker.update((0.0, 0.0, 0.0), [0.0], [1.2])
+    assert found.position[0] == pytest.approx(2.8, abs=0.02)
+
+
+@pytest.fixture(scope="module")
+def box_table() -> sonarhw.RangeTable:
+    return sonarhw.range_table(BOX, QUICK, spacing=0.1, step=math.radians(2))
+
+
+BOX = sonarhw.room_from_arrays([[0, 0], [2, 0], [2, 1.5], [0, 1.5]])
+
+
+def test_a_table_has_the_distances_of_walls_and_corners(box_table: sonarhw.RangeTable) -> None:
+    poses = np.array([[0.83, 0.61, 0.02], [1.27, 0.88, 0.02], [1.02, 0.42, math.pi / 2 + 0.02]])
+    ahead = [2 - 0.83, 2 - 1.27, 1.5 - 0.42]
+    assert box_table.ranges(poses, [0.0])[:, 0] == pytest.approx(ahead, abs=0.002)
+    corner = math.atan2(1.5 - 0.61, 2 - 0.83)
+    assert box_table.ranges(poses[:1, :2], [corner])[0, 0] == pytest.approx(math.hypot(2 - 0.83, 1.5 - 0.61), abs=0.002)
+    assert box_table.within_5mm > 0.9
+    assert np.isnan(box_table.ranges([[5.0, 5.0]], [0.0])).all()
+
+
+def test_a_table_serves_a_ring_and_an_offset_of_the_board() -> None:
+    ring = replace(QUICK, ring=Ring(sensors=6, radius=0.1, interval=0.05), range_offset=0.02)
+    table, poses = sonarhw.range_table(BOX, ring, spacing=0.1), np.array([[0.83, 0.61, 0.0], [1.27, 0.88, math.pi]])
+    ranges = table.ranges(poses)
+    assert ranges.shape == (2, 6)
+    assert ranges[:, 0] == pytest.approx([2 - 0.93 + 0.02, 1.17 + 0.02], abs=0.002)  # sensor 0 is 0.1 m ahead
+
+
+def test_a_saved_table_is_read_for_its_room_and_board_only(box_table: sonarhw.RangeTable, tmp_path: Path) -> None:
+    file = tmp_path / "box.npz"
+    box_table.save(file)
+    poses, headings = np.random.default_rng(1).uniform(0.1, 1.4, (50, 3)), np.linspace(0, 6, 9)
+    again = sonarhw.load_range_table(file, BOX, QUICK)
+    assert np.array_equal(again.ranges(poses, headings), box_table.ranges(poses, headings), equal_nan=True)
+    with pytest.raises(InputError, match="another room or board"):
+        sonarhw.load_range_table(file, BOX, "lego-nxt")
+    file.write_bytes(file.read_bytes()[:500])
+    with pytest.raises(InputError, match="expected a table"):
+        sonarhw.load_range_table(file, BOX, QUICK)
+    with pytest.raises(InputError, match="table: expected one of room"):
+        Tracker("arena", QUICK, table=box_table)
+
+
+def test_a_tracker_follows_by_a_table(box_table: sonarhw.RangeTable) -> None:
+    tracker = Tracker(BOX, QUICK, (0.5, 0.5, 0.0), particles=300, table=box_table, seed=2)
+    for k in range(12):
+        pose = np.array([[0.5 + 0.05 * k, 0.5, 0.0]])
+        ranges = np.asarray(sonarhw.predict_ranges(BOX, pose, HEADINGS, QUICK))[0]
+        found = tracker.update((0.06 if k else 0.0, 0.0, 0.0), HEADINGS, ranges)  # the odometry measures 20 % too much
+    assert math.dist(found.position, pose[0, :2]) < 0.03
 
 
 def test_a_tracker_follows_a_drive_and_repeats_with_its_seed() -> None:

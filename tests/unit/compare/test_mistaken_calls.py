@@ -67,6 +67,16 @@ CALLS: list[tuple[Callable[..., Any], dict[str, Any], dict[str, str]]] = [
         | {"levels": "flag", "height": "number", "options": "options"},
     ),
     (
+        sonarhw.range_table,
+        {"room": ROOM, "board": BOARD, "spacing": 0.5, "step": 1.0},
+        {"room": "room", "board": "board", "spacing": "number", "step": "number", "progress": "function"},
+    ),
+    (
+        sonarhw.load_range_table,
+        {"file": "missing.npz", "room": ROOM, "board": BOARD},
+        {"file": "file", "room": "room", "board": "board"},
+    ),
+    (
         sonarhw.log_likelihood,
         {"room": ROOM, "poses": [[1, 1, 0]], "headings": HEADINGS, "ranges": SCAN.ranges, "board": BOARD},
         {"room": "room", "poses": "poses", "headings": "headings", "ranges": "ranges", "board": "board"}
