@@ -179,7 +179,17 @@ _OTHER_OPTIONS = (
     ),
     _Instead(
         "the quantities to fit are --free, such as --free heading",
-        "param params parameter parameters optimise optimize variables vary",
+        "fit param params parameter parameters optimise optimize variables vary",
+    ),
+    _Instead(
+        "the odometry is the poses in the log; `sonarhw import` reads them from a file",
+        "odom odometry path poses trajectory",
+        option="--start",
+    ),
+    _Instead(
+        "the demo has a room and a place of its own; `sonarhw gui 'fake:ROOM?place=NAME'` shows another",
+        "board pace place room scanner seed url",
+        option="--headless",
     ),
     _Instead("the start is --start NAME or --start X,Y,DEG", f"at near place {_POSITION}"),
     _Instead("the place of the sensor is --place NAME or --place X,Y,DEG", f"at sensor-position x y {_POSITION}"),
@@ -241,7 +251,8 @@ def _with_help(message: str, error: typer.TyperException, arguments: Sequence[st
     if message.startswith("Got unexpected "):
         return _about_extra(message.rstrip("."), context, arguments)
     if message.startswith("Missing ") or getattr(getattr(error, "param", None), "param_type_name", "") == "argument":
-        return f"{message.rstrip('.')}; expected `{_usage(context)}`; see `{context.command_path} --help`"
+        ports = "; `sonarhw ports` lists the scanners" if message.startswith("Missing argument 'URL'") else ""
+        return f"{message.rstrip('.')}; expected `{_usage(context)}`{ports}; see `{context.command_path} --help`"
     hidden = [name for name, command in getattr(context.command, "commands", {}).items() if command.hidden]
     message = next(
         (message.removesuffix(end) for name in hidden if message.endswith(end := f". Did you mean '{name}'?")), message

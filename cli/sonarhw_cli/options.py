@@ -474,7 +474,12 @@ RULES = (
     Rule("map", "--place", " and --pose: expected one of them, once for each log", excludes="--pose"),
     Rule("ports", "--ask", f", --guess: {_ALONE}", excludes="--guess"),
     Rule("replay", "--pty", f", --tcp: a scanner has one line; {_ALONE}", excludes="--tcp"),
-    Rule("serve", "", "give --foxglove: it is the only protocol that is served", "--foxglove"),
+    Rule(
+        "serve",
+        "",
+        "give --foxglove: it is the only protocol that is served; `sonarhw replay` serves a log as a scanner",
+        "--foxglove",
+    ),
     Rule("serve", "--out", ": give the number of sweeps, too: --sweeps N", "--sweeps"),
     Rule("simulate", "--pings --room-tolerance", " {value:g}: needs --probability", "--probability"),
     Rule("simulate", "--probability", ": needs --model ray-following; {other} states no probability", "", "--model"),

@@ -200,6 +200,8 @@ def info(
         if not _protocol(scanner.info):
             ignored = ", ".join(f"{kind} ({count})" for kind, count in scanner.ignored.items())
             facts.append(("ignored", ignored or "nothing"))
+        if url.endswith(".mcap"):
+            facts.append(("readings", f"`sonarhw log info {url}` describes the log"))
         for name, value in facts:
             options.print_line(f"{name:<14}{value}")
         while watch:
