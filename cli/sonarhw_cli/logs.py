@@ -53,7 +53,7 @@ Pattern = Annotated[
     typer.Option(help="Text: what a reading looks like, such as 'Angle: {deg} Dist: {cm}'.", metavar="PATTERN"),
 ]
 RangeUnit = Annotated[
-    str | None, typer.Option("--unit", help="Text: unit of the ranges: m, cm, mm, in, ft, us.", metavar="UNIT")
+    str | None, typer.Option("--unit", help="Text: unit of the ranges: m, cm, mm, in, ft, yd, us.", metavar="UNIT")
 ]
 AngleUnit = Annotated[
     str | None, typer.Option("--angle", help="Text, logs: unit of the angles: deg, rad, gon, step.", metavar="UNIT")

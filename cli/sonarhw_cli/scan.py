@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -220,6 +221,10 @@ def _record(
     if not request.turns_by_itself:
         _warn_of_another_count(terminal.count, request)
     _warn_of_the_link(scanner)
+    if request.turns_by_itself and not metadata.room_text:
+        named = quote(str(log.path))
+        options.print_note("next: sonarhw room new room.toml --size WxD --place X,Y,DEG, with your numbers in metres")
+        options.print_note(f"then: sonarhw compare {named} --room room.toml, or sonarhw gui {named} --room room.toml")
 
 
 def _log(out: Path, metadata: "LogMetadata", force: bool) -> "LogWriter":

@@ -56,7 +56,7 @@ class ImportOptions:
     format: str = ""  # one of FORMATS; empty: by the content
     preset: str = ""  # of text
     pattern: str = ""
-    unit: str = ""  # m, cm, mm, in, ft, us
+    unit: str = ""  # m, cm, mm, in, ft, yd, us
     angle: str = ""  # deg, rad, gon, step
     heading: str = ""  # columns of a table
     range: str = ""

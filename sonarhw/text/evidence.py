@@ -15,10 +15,9 @@ FEWEST = 4  # readings
 _HELD, _MOST_HELD = 24, 400  # readings, until a unit is decided
 # m: the longest range in a room is at least and at most, with the usual board; their median is at least
 _LEAST_ROOM, _MOST_ROOM, _LEAST_MIDDLE = 0.5, 4.05, 0.08
-_MOST_MIDDLE = 2.5  # m; where more than half of the ranges are beyond, a more common unit that fits is the right one
 _SMALLEST, LARGEST = 0.1, 11.0  # m, longest range of any scene and board
 _FINEST, _COARSEST = 5e-5, 0.06  # m, plausible resolution of a printed range
-_COMMON = ("cm", "mm", "m", "in", "ft", "us")  # units that sketches print without a name, the most common first
+_COMMON = ("cm", "mm", "m", "in", "ft", "yd", "us")  # units that sketches print without a name, the most common first
 _METRIC = ("cm", "mm", "m", "us")
 
 
@@ -38,7 +37,7 @@ class Decision:
 def range_unit(numbers: Sequence[float], named: NameMeaning, stated: Layout, words: Sequence[str] = ()) -> Decision:
     """Return the unit of printed ranges: stated by the user or the text, else the only plausible one.
 
-    `words`: lines of the text, whose language may exclude inches and feet.
+    `words`: lines of the text, whose language may exclude inches, feet and yards.
     """
     if stated.scale is not None:
         return Decision(None, True, f"range times {stated.scale:g} m: as given")
@@ -85,8 +84,6 @@ def plausible_units(numbers: Sequence[float], among: Sequence[str] = _COMMON) ->
     for unit in printed or possible:  # computed ranges have digits without a meaning
         scale = scales[unit]
         fits = _LEAST_ROOM <= longest * scale <= _MOST_ROOM and middle * scale >= _LEAST_MIDDLE
-        if fitting and (middle * scale > _MOST_MIDDLE or (unit == "us" and "mm" in chosen)):
-            continue
         if fits or not fitting:
             chosen.append(unit)
         fitting = fitting or fits

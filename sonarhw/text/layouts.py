@@ -78,11 +78,11 @@ class Units:
 
         A range of 0 or less, or of `no_echo`, means no echo.
         """
+        unit = self.range or range_unit
         try:
-            values = [value for text in texts if (value := _range_value(text)) is not None]
+            values = [value for text in texts if (value := _range_value(text, unit)) is not None]
         except ValueError:
             return None
-        unit = self.range or range_unit
         scale = self.scale if self.scale or unit is None else RANGE_UNITS[unit]
         if heading is not None and not abs(heading) <= MOST_HEADING:
             return None
@@ -95,20 +95,52 @@ class Units:
         """Return an angle, degrees. Raises ValueError."""
         stated = self.angle or unit or "deg"
         if stated == STEP:
-            return _number(text) * (self.step or 0.0)
-        return _number(text) * ANGLE_UNITS[stated]
+            return number_of(text) * (self.step or 0.0)
+        return number_of(text) * ANGLE_UNITS[stated]
 
 
-def _range_value(text: str | None) -> float | None:
-    """Return a printed range; None if the text stands for no echo. Raises ValueError."""
+def _range_value(text: str | None, unit: str | None) -> float | None:
+    """Return a printed range; None if the text stands for no echo. Raises ValueError.
+
+    Small units have no thousandths: in millimetres, 1,234 is 1234.
+    """
     if text is None or is_no_echo(text):
         return None
-    value = _number(text)
+    value = number_of(text)
+    if unit in ("mm", "us") and _ONE_GROUP.fullmatch(text.strip()):
+        value *= 1000
     return value if math.isfinite(value) else None
 
 
-def _number(text: str) -> float:
-    plain = text.strip().replace(",", ".")
+_ONE_GROUP = re.compile(r"[1-9]\d{0,2}[.,]\d{3}", re.ASCII)
+# thousands: 1,234.5 and 1.234,5 and 1,234,567 and 1 234 and 1'234
+_GROUPED = re.compile(
+    r"[+-]?(?:[1-9]\d{0,2}(?:,\d{3})+\.\d+|[1-9]\d{0,2}(?:\.\d{3})+,\d+|[1-9]\d{0,2}([.,])\d{3}(?:\1\d{3})+"
+    r"|[1-9]\d{0,2}(?:[ '’\u00a0\u202f]\d{3})+(?:[.,]\d+)?)",
+    re.ASCII,
+)
+
+
+def numbers_of(texts: Sequence[str]) -> list[float]:
+    """Return a column of printed numbers. Whole ones beside 1,234 show that it is 1234. Raises ValueError."""
+    others = [text for text in texts if not _ONE_GROUP.fullmatch(text) and number_of(text)]
+    thousands = bool(others) and all(map(str.isdigit, others))
+    return [number_of(text) * (1000 if thousands and _ONE_GROUP.fullmatch(text) else 1) for text in texts]
+
+
+_HEX = re.compile(r"0[xX][0-9A-Fa-f]{1,8}")
+
+
+def number_of(text: str) -> float:
+    """Return a printed number: decimal with a point or comma, in thousands, or hexadecimal. Raises ValueError."""
+    plain = text.strip()
+    if _HEX.fullmatch(plain):
+        return float(int(plain, 16))
+    if grouped := _GROUPED.fullmatch(plain):
+        marks = [char for char in plain if char in ",."]
+        point = "" if grouped[1] or not marks else marks[-1]  # of the decimals
+        plain = "".join("." if char == point else char for char in plain if char in f"+-{point}" or char.isdigit())
+    plain = plain.replace(",", ".")
     if not _NUMBER.fullmatch(plain):
         raise ValueError(text)
     return float(plain)
@@ -188,7 +220,7 @@ def check_regex(text: str) -> re.Pattern[str]:
         pattern = re.compile(text, re.ASCII)
     except (re.error, RecursionError, OverflowError) as error:
         raise InputError(f"pattern {text!r}: invalid regular expression: {error}") from error
-    ranges = [group for group in pattern.groupindex if re.fullmatch("range(_m|_cm|_mm|_in|_ft|_us)?", group)]
+    ranges = [group for group in pattern.groupindex if re.fullmatch("range(_m|_cm|_mm|_in|_ft|_yd|_us)?", group)]
     if len(ranges) != 1:
         raise InputError(f"pattern {text!r}: expected one group (?P<range_cm>...), or range_m, range_mm, range_in")
     return pattern
@@ -280,8 +312,10 @@ def _started_matching() -> "subprocess.Popen[str]":
 
 
 _FIELD = re.compile(r"\{([^{}]*)\}")
-_NUMBER_TEXT = r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
-_COMMA_TEXT = r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?"
+_NUMBER_TEXT = r"[+-]?(?:0x[\da-f]+|\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
+_MARKS = ((",", r"\."), (r"\.", ","), ("['’\u00a0\u202f]", "[.,]"))  # of thousands and decimals
+GROUPS_TEXT = "|".join(rf"[1-9]\d{{0,2}}(?:{mark}\d{{3}})+(?:{point}\d+)?" for mark, point in _MARKS)
+_COMMA_TEXT = rf"[+-]?(?:0x[\da-f]+|{GROUPS_TEXT}|\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?"
 _WORDS_TEXT = r"[^\W\d_][^\d,;|]*|--?-?"  # in place of a range
 _SKIPPED = r"[^\s,;|]*"
 _ANGLE_FIELDS = {"angle": None, "deg": "deg", "rad": "rad", "gon": "gon", "step": STEP}
@@ -533,7 +567,7 @@ class Columns:
 
 
 PoseColumns = tuple[tuple[int, float], ...]  # the columns of x, y and yaw of a robot, with their units, m, m and rad
-_POSE = re.compile(r"(x|y)_(m|cm|mm|in|ft)|(yaw)_(deg|rad|gon)")
+_POSE = re.compile(r"(x|y)_(m|cm|mm|in|ft|yd)|(yaw)_(deg|rad|gon)")
 
 
 def pose_columns(names: Sequence[str], chosen: Sequence[str] = ()) -> PoseColumns:
@@ -562,7 +596,7 @@ _POSE_UNITS = ((_LENGTHS, 1.0), (_LENGTHS, 1.0), (_TURNS, math.radians(1)))  # o
 def _pose_in(cells: Sequence[str | None], columns: PoseColumns) -> tuple[float, float, float] | None:
     """Return the pose in a row; None if it has none."""
     try:
-        x, y, yaw = (_number(cells[k] or "") * unit for k, unit in columns)
+        x, y, yaw = (number_of(cells[k] or "") * unit for k, unit in columns)
     except (ValueError, IndexError):
         return None
     return x, y, yaw
@@ -694,7 +728,7 @@ def _time_in(cells: list[str], columns: Columns) -> float | None:
     if columns.time is None:
         return None
     try:
-        return _number(cells[columns.time]) * columns.second
+        return number_of(cells[columns.time]) * columns.second
     except ValueError:
         return None
 
@@ -821,7 +855,7 @@ _RADAR_ENDS = re.compile(rb"[.#\0]")
 ANGLE_DISTANCE = re.compile(
     r"angle\W*?(?P<heading_deg>-?\d+(?:\.\d+)?)\s*(?:°|deg(?:rees?|s)?\b)?\W*?"
     r"(?:distance|dist|range)\W*?(?P<range>-?\d+(?:\.\d+)?|out of range|no echo|nan|inf|timeout)"
-    r"\s*(?P<unit>mm|cm|m|in|inch|inches|ft|feet|us)?\W*",
+    r"\s*(?P<unit>mm|cm|m|in|inch|inches|ft|feet|yd|yards?|us)?\W*",
     re.ASCII | re.IGNORECASE,
 )
 _MAXBOTIX = re.compile(r"R(?P<range>\d{3,4})(?P<flag> P[01])?", re.ASCII)

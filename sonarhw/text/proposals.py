@@ -27,6 +27,7 @@ from sonarhw.text.evidence import (
 )
 from sonarhw.text.layouts import (
     ANGLE_DISTANCE,
+    GROUPS_TEXT,
     LINE_ENDS,
     PRESETS,
     ColumnNames,
@@ -39,6 +40,8 @@ from sonarhw.text.layouts import (
     ends_of,
     json_records,
     named_columns,
+    number_of,
+    numbers_of,
     parse_template,
 )
 from sonarhw.text.words import (
@@ -107,13 +110,45 @@ def propose(
         if proposal.layout is not None:
             ordered = _ordered(proposal, data, begins_whole, pauses)
             proposal = _checked(ordered, data, begins_whole)
+        all_read = proposal.decided and len(proposal.readings) >= _WHOLE * len(lines)
+        if not all_read and (question := _thousands_question(lines)):
+            return LayoutProposal(questions=(question,), example=lines[-1][:60])
         if proposal.layout is not None:
             return proposal
         if proposal.questions and not best.questions:
             best = proposal
         elif not ends and proposal.example:  # a row says more than the line above it
             best = replace(best, example=proposal.example)
+    if hexadecimal := _HEXADECIMAL.search("\n".join(_lines(data, LINE_ENDS)[1:])):
+        question = f"{hexadecimal[1]!r} may be hexadecimal: print decimal numbers, or 0x before hexadecimal ones"
+        best = replace(best, layout=None, questions=(question,))
     return best
+
+
+_WHOLE = 0.97  # of the lines
+_HEXADECIMAL = re.compile(
+    r"(?<![^\W_])((?=[0-9]*[A-F])(?=[A-F]*[0-9])[0-9A-F]{2,4})(?![^\W_])(?:(?s:.*?)(?<![^\W_])[0-9A-F]{2,4}(?![^\W_])){3}"
+)
+
+
+def _thousands_question(lines: list[str]) -> str:
+    """Return the question whether a mark separates thousands or numbers: some lines have one number more than others.
+
+    It is empty unless that number always has three digits.
+    """
+    rows = [re.findall(r"\d+", line) for line in lines]
+    counts = Counter(map(len, rows))
+    usual = sorted(length for length, number in counts.items() if number > _FEW * len(rows))
+    if len(usual) != 2 or usual[1] != usual[0] + 1:
+        return ""
+    longer = [(row, line) for row, line in zip(rows, lines, strict=True) if len(row) == usual[1]]
+    for k in range(usual[0]):
+        if all(len(row[k + 1]) == 3 and len(row[k]) < 4 and row[k][0] != "0" for row, _ in longer):
+            row, line = longer[0]
+            shown = re.search(rf"{row[k]}\D{row[k + 1]}", line)
+            if shown and shown[0][len(row[k])] in ", ":
+                return f"{shown[0]!r} may be one number or two: print numbers without separators of thousands"
+    return ""
 
 
 def sweep_text(proposal: LayoutProposal) -> tuple[str, ...]:
@@ -514,7 +549,11 @@ def _pattern_of_columns(lines: list[str], columns: Columns, angle: Decision, rea
 
 
 def _is_number_text(text: str) -> bool:
-    return bool(re.fullmatch(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?", text, re.ASCII))
+    try:
+        number_of(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _is_numeric(cells: Sequence[str]) -> bool:
@@ -522,14 +561,14 @@ def _is_numeric(cells: Sequence[str]) -> bool:
 
 
 def _column(rows: Iterable[Sequence[str]], k: int) -> list[float]:
-    return [float(row[k].replace(",", ".")) for row in rows if _is_number_text(row[k])]
+    return numbers_of([row[k] for row in rows if _is_number_text(row[k])])
 
 
 # lines of words and numbers
 
 
-_NUMBER = re.compile(r"(?<![^\W_])(?:(?<![\d.])[+-])?(?:\d+(?:\.\d+)?|\.\d+)(?:[eE][+-]?\d+)?(?!\d)")
-_COMMA_NUMBER = re.compile(r"(?<![^\W_])(?:(?<![\d.])[+-])?(?:\d+(?:[.,]\d+)?)(?!\d)")
+_NUMBER = re.compile(r"(?<![^\W_])(?:(?<![\d.])[+-])?(?:0[xX][\dA-Fa-f]+|\d+(?:\.\d+)?|\.\d+)(?:[eE][+-]?\d+)?(?!\d)")
+_COMMA_NUMBER = re.compile(rf"(?<![^\W_])(?:(?<![\d.])[+-])?(?:{GROUPS_TEXT}|\d+(?:[.,]\d+)?)(?!\d)")
 _GLUED_NUMBER = re.compile(r"(?:(?<![\d.])[+-])?\d+(?:\.\d+)?")  # to letters: A90D23
 _SILENT_WORDS = re.compile(r"[^\W\d_][^\d,;|:=]*|--?-?")
 
@@ -581,7 +620,7 @@ def _numbers(
 
 def _has_decimal_commas(tokens: list[_Tokens], lines: list[str]) -> bool:
     votes = Counter(map(_commas, tokens))
-    pairs = [[float(text) for text in _tokens(line, _NUMBER).numbers[::2]] for line in lines[:3]]
+    pairs = [[number_of(text) for text in _tokens(line, _NUMBER).numbers[::2]] for line in lines[:3]]
     is_sweep = any(len(firsts) > 2 * FEWEST and sweeps(firsts) >= REGULAR for firsts in pairs)  # 0,120;5,121;10,121
     return votes[1] > _FEW * len(lines) >= votes[-1] and not is_sweep
 
@@ -622,7 +661,7 @@ class _Records:
     def column(self, k: int) -> list[float]:
         """Return the numbers of a column."""
         texts = [[text for line in row for text in line.numbers][k] for row in self.rows]
-        return [float(text.replace(",", ".")) for text in texts]
+        return numbers_of(texts)
 
 
 def _records(tokens: list[_Tokens], begins_whole: bool) -> list[_Records]:
@@ -868,8 +907,8 @@ def _ring(records: _Records, lines: list[str], ends: str, stated: Layout) -> Lay
             inner = [literal.strip() for literal in literals[skipped + 1 : count]]
             if any(inner[k] != inner[k + width] for k in range(len(inner) - width)):
                 continue
-            flag = [float(row.numbers[0].replace(",", ".")) for row in tokens]
-            rest = [[float(text.replace(",", ".")) for text in row.numbers[1:]] for row in tokens]
+            flag = [number_of(row.numbers[0]) for row in tokens]
+            rest = [[number_of(text) for text in row.numbers[1:]] for row in tokens]
             if skipped == 0 and width == 1 and _is_flag(flag, rest):
                 continue
             proposal = _repeated_numbers(tokens, literals, skipped, width, lines, ends, stated)
@@ -887,7 +926,7 @@ def _repeated_numbers(
     ends: str,
     stated: Layout,
 ) -> LayoutProposal | None:
-    rows = [[float(text.replace(",", ".")) for text in line.numbers] for line in tokens]
+    rows = [[number_of(text) for text in line.numbers] for line in tokens]
     sensors = (len(literals) - 1 - skipped) // width
     body = list(literals[skipped + 1 : skipped + 1 + width])
     labels = _labels((literals[skipped] if skipped == 0 else "", *body), None)

@@ -21,13 +21,14 @@ class ColumnKind(StrEnum):
 
 
 _ECHO_US = speed_of_sound() / 2 * 1e-6  # m of range for 1 µs of the echo time, at 20 °C
-RANGE_UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048, "us": _ECHO_US}  # m
+RANGE_UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048, "yd": 0.9144, "us": _ECHO_US}  # m
 UNIT_NAMES = {
     "m": "metres",
     "cm": "centimetres",
     "mm": "millimetres",
     "in": "inches",
     "ft": "feet",
+    "yd": "yards",
     "us": "microseconds of echo time",
     "deg": "degrees",
     "rad": "radians",
@@ -53,7 +54,7 @@ def _words(text: str) -> frozenset[str]:
     return frozenset(text.split())
 
 
-_METRIC_ANGLES = _words(  # of languages whose sketches print no inches and feet
+_METRIC_ANGLES = _words(  # of languages whose sketches print no inches, feet and yards
     "winkel richtung angulo angolo giro aci hoek kat kierunek ugol угол sudut 角度 角 direccion ugao"
 )
 _METRIC_RANGES = _words(
@@ -75,7 +76,7 @@ _OTHERS = _words(
     "temp temperature humidity battery rssi quality strength speed light x y z lux status state flag conf confidence "
     "min max checksum crc bat version"
 )
-_UNSUPPORTED = _words("voltage volt volts v mv adc raw counts db dbm ma amps yd yards km mi miles bar kpa")
+_UNSUPPORTED = _words("voltage volt volts v mv adc raw counts db dbm ma amps km mi miles bar kpa")
 _RANGE_WORDS = {
     "m": "м 米 公尺 m meter meters metre metres metro metros metri metr mts mtr",
     "cm": "cm cms centimeter centimeters centimetre centimetres zentimeter centimetro centimetros centimetri "
@@ -84,6 +85,7 @@ _RANGE_WORDS = {
     "мм 毫米",
     "in": 'in inch inches " pulgada pulgadas zoll pouce pouces pollici polegada polegadas inc inci cal cale duim',
     "ft": "ft foot feet ' pie pies fuss pied pieds piedi pes pe fit stopa",
+    "yd": "yd yds yard yards yarda yardas jarda jardas iarda iarde",
     "us": "us usec usecs microsecond microseconds mikrosekunden microsegundos mikrosaniye microsecondes",
 }
 _ANGLE_WORDS = {
@@ -224,7 +226,7 @@ def is_german(words: Iterable[str]) -> bool:
 
 
 def is_metric(words: Iterable[str]) -> bool:
-    """Return whether one of these words is of a language whose sketches print no inches and feet."""
+    """Return whether one of these words is of a language whose sketches print no inches, feet and yards."""
     return any(folded(word) in _METRIC_ANGLES | _METRIC_RANGES for word in words)
 
 

@@ -128,3 +128,39 @@ def test_the_order_of_alternating_lines_follows_from_pauses_or_sweeps_or_is_a_qu
     assert by_pauses.layout is not None
     assert (by_pauses.layout.pattern, by_pauses.questions) == (pattern, ())
     assert "may begin with each of its lines" in propose(text).questions[0]
+
+
+NUMBERS = {  # a line, and the question about it; none where its ranges are read
+    "angle {a} dist {r:,} mm": "",
+    "{a};{german}": "",
+    "Winkel: {a} Abstand: {german} mm": "",
+    "0x{a:02X},0x{r:04x}": "",
+    '{{"angle": {a}, "range_mm": "{r:,}"}}': "",
+    "{a},{r:,}": "may be one number or two",
+    "{a};{spaced}": "may be one number or two",
+    "{a:02X},{r:04X}": "may be hexadecimal",
+    "{a}\t{yards:.2f}": "unit=m or unit=ft or unit=yd",
+    "{a},{range_us}": "unit=mm or unit=us",
+}
+
+
+@pytest.mark.parametrize(("line", "question"), NUMBERS.items())
+def test_numbers_of_any_notation_are_read_or_are_a_question(line: str, question: str) -> None:
+    ranges = [700 + 47 * a * a % 1900 for a in ANGLES]
+    texts = {r: f"{r:,}" for r in ranges}
+    lines = [
+        line.format(
+            a=a,
+            r=r,
+            german=texts[r].replace(",", "."),
+            spaced=texts[r].replace(",", " "),
+            yards=r / 914.4,
+            range_us=r + 800,
+        )
+        for a, r in zip(ANGLES, ranges, strict=True)
+    ]
+    proposal = propose("\n".join(lines).encode(), True)
+    assert question in " ".join(proposal.questions)
+    assert proposal.decided != bool(question)
+    if not question:
+        assert [round(1000 * reading.ranges[0]) for reading in proposal.readings] == ranges
