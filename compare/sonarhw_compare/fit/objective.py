@@ -288,6 +288,8 @@ def near_together(problems: Sequence[Problem], longest: float = math.inf) -> lis
 
     Their paths are searched together, which takes half of the time. Those longer than `longest` m are left out.
     """
+    if not problems:
+        return []
     first, places = problems[0], [place for problem in problems for place in problem.places]
     searched = first._searched(first.room, first.board, places, first.prediction, longest)
     return [
