@@ -176,6 +176,7 @@ def main() -> None:
     parser.add_argument("--way", type=float, help="m of each trajectory")
     parser.add_argument("--sensors", type=int, default=16)
     parser.add_argument("--board", default="hc-sr04")
+    parser.add_argument("--models", nargs="+", default=[model.value for model in MODELS] + ["table"])
     parser.add_argument("--everywhere", action="store_true", help="the start is unknown")
     given = parser.parse_args()
     way = given.way or (20.0 if given.whole else 5.0)
@@ -184,7 +185,9 @@ def main() -> None:
     figures: dict[str, list[Figures]] = {}
     for name in given.rooms:
         room = sonarhw.load_room(name)
-        models = {model.value: model for model in MODELS} | {"table": sonarhw.range_table(room, board)}
+        models = {
+            title: sonarhw.range_table(room, board) if title == "table" else Model(title) for title in given.models
+        }
         for seed in range(count):
             driven = drive(room, board, way, given.sensors, seed)
             for title, model in models.items():
