@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
-from sonarhw_sim.board.beam import ComplexArray
+from sonarhw_sim.compiled import compiled
 from sonarhw_sim.rays import fan
-from sonarhw_sim.rays.diffraction import EdgeDiffraction
+from sonarhw_sim.rays.diffraction import EdgeDiffraction, by_separation
 from sonarhw_sim.rays.sequences import FEWEST_POINTS, PartialPaths, surfaces_and_points
 from sonarhw_sim.rays.small_waves import SmallWalls
+from sonarhw_sim.room.grid import IntArray
 from sonarhw_sim.room.room import Room
 from sonarhw_sim.room.small_things import Cluster, Followed
 
@@ -51,26 +52,25 @@ def _nearest(points: FloatArray, walls: FloatArray) -> NDArray[np.intp]:
     return np.asarray(away.argmin(axis=1))
 
 
-def without_clusters(paths: PartialPaths, followed: Followed, room: Room) -> PartialPaths:
-    """Return paths (numbered as in the `room`) without those by walls of solved clusters.
+def past_clusters(paths: PartialPaths, followed: Followed, room: Room) -> PartialPaths:
+    """Return paths (numbered as in the `room`) with the share of sound that bends at solved clusters and hardly turns.
 
-    Sound that bends at their edges and hardly turns keeps its share; it belongs to what is behind.
+    It belongs to what is behind; other sound at their edges is part of what the cluster returns.
     """
-    owner = np.full(len(room.walls) + len(room.posts) + 1, -1)
+    owner = np.full(len(room.walls), -1)
     for number, cluster in enumerate(followed.clusters):
         owner[list(cluster.walls)] = number
-    touched = (owner[paths.surfaces] >= 0) & (paths.surfaces >= 0)
-    gains = np.where(touched.any(axis=1), 0.0, paths.gains)
     bent = np.flatnonzero(paths.edges >= 0)
     own = owner[room.edges.faces[paths.edges[bent]]].max(axis=1)
     bent, own = bent[own >= 0], own[own >= 0]
-    if len(bent):
-        radii = np.array([cluster.radius for cluster in followed.clusters])[own]
-        before, at, after = (paths.points[bent, paths.bends[bent] + step] for step in (0, 1, 2))
-        legs = np.hypot(*np.moveaxis(np.diff(paths.points[bent], axis=1), -1, 0))
-        first = np.nansum(np.where(np.arange(legs.shape[1]) <= paths.bends[bent, None], legs, 0.0), axis=1)
-        turns = _angles(at - before, after - at)
-        gains[bent] *= passing_share(turns, radii, first, np.nansum(legs, axis=1) - first)
+    if not len(bent):
+        return paths
+    radii = np.array([cluster.radius for cluster in followed.clusters])[own]
+    before, at, after = (paths.points[bent, paths.bends[bent] + step] for step in (0, 1, 2))
+    legs = np.hypot(*np.moveaxis(np.diff(paths.points[bent], axis=1), -1, 0))
+    first = np.nansum(np.where(np.arange(legs.shape[1]) <= paths.bends[bent, None], legs, 0.0), axis=1)
+    turns, gains = _angles(at - before, after - at), paths.gains.copy()
+    gains[bent] *= passing_share(turns, radii, first, np.nansum(legs, axis=1) - first)
     return replace(paths, gains=gains).select(np.flatnonzero(gains > 0.0))
 
 
@@ -118,7 +118,9 @@ def _to_centre(ways: PartialPaths, number: int, followed: Followed, room: Room) 
     ways = ways.select(rows[np.hypot(*last.T) > _AT_CENTRE])
     others = [cluster for k, cluster in enumerate(followed.clusters) if k != number and not cluster.on_wall]
     walls = room.walls[[row for cluster in others for row in cluster.walls]].reshape(-1, 4)
-    ways = ways.select(np.flatnonzero(~_blocked(ways.points, walls)))
+    blocked = np.zeros(len(ways), np.bool_)
+    _fill_blocked(ways.points, walls, blocked)
+    ways = ways.select(np.flatnonzero(~blocked))
     bare = replace(followed, room=followed.bare, joined=_walls_of_bare(followed))
     return replace(numbered(replace(ways, edges=np.full(len(ways), -1, np.int32)), bare, room), edges=ways.edges)
 
@@ -128,16 +130,21 @@ def _walls_of_bare(followed: Followed) -> tuple[tuple[int, ...], ...]:
     return tuple(rows for rows in followed.joined if not alone.intersection(rows))
 
 
-def _blocked(points: FloatArray, walls: FloatArray) -> NDArray[np.bool_]:
-    """Return which paths (n, p, 2) cross a wall (m, 4), (n,)."""
-    start, along = points[:, :-1, None], np.diff(points, axis=1)[:, :, None]
-    wall, away = walls[:, 2:] - walls[:, :2], walls[:, :2] - start
-    with np.errstate(divide="ignore", invalid="ignore"):
-        area = along[..., 0] * wall[:, 1] - along[..., 1] * wall[:, 0]
-        ahead = (away[..., 0] * wall[:, 1] - away[..., 1] * wall[:, 0]) / area
-        share = (away[..., 0] * along[..., 1] - away[..., 1] * along[..., 0]) / area
-    crossed = (ahead > 0) & (ahead < 1) & (share >= 0) & (share <= 1)
-    return np.asarray(crossed.any(axis=(1, 2)))
+@compiled
+def _fill_blocked(points: FloatArray, walls: FloatArray, blocked: NDArray[np.bool_]) -> None:
+    """Fill in which paths (n, p, 2) cross a wall (m, 4), (n,)."""
+    for k in range(points.shape[0]):
+        for leg in range(points.shape[1] - 1):
+            x, y = points[k, leg]
+            dx, dy = points[k, leg + 1, 0] - x, points[k, leg + 1, 1] - y
+            for m in range(walls.shape[0]):
+                along, across = walls[m, 2] - walls[m, 0], walls[m, 3] - walls[m, 1]
+                area = dx * across - dy * along
+                ahead = ((walls[m, 0] - x) * across - (walls[m, 1] - y) * along) / area
+                share = ((walls[m, 0] - x) * dy - (walls[m, 1] - y) * dx) / area
+                # the rest of the points is NaN
+                if 0.0 < ahead < 1.0 and 0.0 <= share <= 1.0:
+                    blocked[k] = True
 
 
 def _joined(
@@ -149,25 +156,29 @@ def _joined(
     limits: tuple[float, int],
 ) -> PartialPaths:
     """Return the paths by a cluster of each of the `first` ways and each of the `second`, reversed."""
-    one, other = _loud_pairs(first, second, cluster, diffraction, limits)
-    # most ways are too long or too faint for any pair
-    if first is second:
-        used = np.unique(np.append(one, other))
-        first = second = first.select(used)
-        one, other = np.searchsorted(used, one), np.searchsorted(used, other)
-    else:
-        (used, one), (again, other) = (np.unique(rows, return_inverse=True) for rows in (one, other))
-        first, second = first.select(used), second.select(again)
-    factors, delays = _factors(first, second, (one, other), cluster, room, diffraction.wavelength)
-    gains = first.gains[one] * second.gains[other] * np.abs(factors)
-    kept = np.flatnonzero(gains * _best_heading(first, second, one, other, diffraction.beams) >= diffraction.faintest)
-    one, other, gains, factors, delays = one[kept], other[kept], gains[kept], factors[kept], delays[kept]
-    surfaces, points = surfaces_and_points(first, second, one, other)
+    pairs, legs = _loud_pairs(first, second, cluster, diffraction, limits)
+    small = SmallWalls(cluster.local, diffraction.wavelength, cluster.openings, cluster.on_wall)
+    points, both = _sources(first, cluster), pairs
+    if second is not first:
+        points, both = np.concatenate((points, _sources(second, cluster))), pairs + np.array([0, len(first)])
+    sound = small.sound(points, both)
+    factors = sound * _strengths(points[both], cluster, room)
+    kept = np.flatnonzero(legs * np.abs(factors) >= diffraction.faintest)
     # the delay is part of the length, and the phase is that of the wave
-    delay = np.clip(delays, -2 * cluster.radius, 2 * cluster.radius)
-    phases = np.angle(factors) + math.tau / diffraction.wavelength * delay + first.phases[one] + second.phases[other]
+    delays = small.delays(points, both[kept], sound[kept])
+    delays = np.clip(delays, -2 * cluster.radius, 2 * cluster.radius)
+    pairs, factors = pairs[kept], factors[kept]
+    if second is first:
+        # and their reverses
+        back = np.flatnonzero(pairs[:, 0] != pairs[:, 1])
+        pairs = np.concatenate((pairs, pairs[back, ::-1]))
+        factors, delays = np.append(factors, factors[back]), np.append(delays, delays[back])
+    one, other = pairs.T
+    gains = first.gains[one] * second.gains[other] * np.abs(factors)
+    surfaces, points = surfaces_and_points(first, second, one, other)
+    phases = np.angle(factors) + math.tau / diffraction.wavelength * delays + (first.phases[one] + second.phases[other])
     edges = np.full(len(one), _edge_of(cluster, room), np.int32)
-    lengths = first.lengths[one] + second.lengths[other] + delay
+    lengths = (first.lengths[one] + second.lengths[other]) + delays
     return PartialPaths(lengths, gains, phases, surfaces, edges, first.bends[one], points, first.places[one])
 
 
@@ -177,62 +188,86 @@ def _loud_pairs(
     cluster: Cluster,
     diffraction: EdgeDiffraction,
     limits: tuple[float, int],
-) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return the pairs of ways that are short enough, and that a cluster of this width may make loud enough."""
-    parts = [(np.empty(0, np.intp), np.empty(0, np.intp))]
-    seconds = np.arange(len(second))
-    for row in range(len(first)):
-        short = first.lengths[row] + second.lengths <= limits[0]
-        short &= first.bends[row] + second.bends <= limits[1]
-        other = seconds[short]
-        one = np.full(len(other), row)
-        # a plate of the width, straight ahead, returns half of this
-        inverse = 1.0 / first.lengths[row] + 1.0 / second.lengths[other]
-        most = np.minimum(2.0 * cluster.width * np.sqrt(inverse / diffraction.wavelength), _LOUDEST)
-        bounds = first.gains[row] * second.gains[other] * most
-        loud = bounds >= diffraction.faintest
-        one, other, bounds = one[loud], other[loud], bounds[loud]
-        bounds = bounds * _best_heading(first, second, one, other, diffraction.beams)
-        loud = bounds >= diffraction.faintest
-        parts.append((one[loud], other[loud]))
-    fan.check_size(sum(len(one) for one, _ in parts), FEWEST_POINTS)
-    return np.concatenate([one for one, _ in parts]), np.concatenate([other for _, other in parts])
+) -> tuple[NDArray[np.intp], FloatArray]:
+    """Return the pairs of ways, (p, 2), that are short enough, and that a cluster of this width may make loud enough.
+
+    Also their gains at the best heading with a perfect cluster, (p,). If both are the same ways, each pair is listed in
+    one order only.
+    """
+    bounds = (*limits, cluster.width / math.sqrt(diffraction.wavelength), diffraction.faintest)
+    columns = [(ways.lengths, ways.bends, ways.gains, _departures(ways)) for ways in (first, second)]
+    count = fan.ROOM_FOR_PAIRS
+    while True:
+        pairs, legs = np.empty((count, 2), np.intp), np.empty(count)
+        count = _fill_loud_pairs(*columns[0], *columns[1], second is first, bounds, diffraction.beams, pairs, legs)
+        fan.check_size(count, FEWEST_POINTS)
+        if count <= len(pairs):
+            return pairs[:count], legs[:count]
 
 
-def _best_heading(
-    first: PartialPaths,
-    second: PartialPaths,
-    one: NDArray[np.intp],
-    other: NDArray[np.intp],
+def _departures(ways: PartialPaths) -> FloatArray:
+    away = ways.points[:, 1] - ways.points[:, 0]
+    return np.arctan2(away[:, 1], away[:, 0])
+
+
+@compiled
+def _fill_loud_pairs(
+    lengths: FloatArray,
+    bends: IntArray,
+    gains: FloatArray,
+    departures: FloatArray,
+    other_lengths: FloatArray,
+    other_bends: IntArray,
+    other_gains: FloatArray,
+    other_departures: FloatArray,
+    symmetric: bool,
+    limits: tuple[float, int, float, float],
     beams: FloatArray,
-) -> FloatArray:
-    """Return both beam factors at the best heading for pairs of ways, (p,)."""
-    away, back = first.points[one, 1] - first.points[one, 0], second.points[other, 1] - second.points[other, 0]
-    return np.asarray(beams[(_angles(away, back) / math.pi * (len(beams) - 1)).astype(np.intp)])
+    pairs: NDArray[np.intp],
+    legs: FloatArray,
+) -> int:
+    """Return the number of pairs of ways that may be loud enough, and fill in the first `pairs` and `legs`.
+
+    `limits` are the greatest length, the number of reflections, the width over the root of the wavelength, and the
+    faintest gain.
+    """
+    longest, most_bends, width, faintest = limits
+    loudest, count = other_gains.max(), 0
+    for i in range(lengths.shape[0]):
+        if gains[i] * loudest * _LOUDEST < faintest:
+            continue
+        for j in range(i if symmetric else 0, other_lengths.shape[0]):
+            if lengths[i] + other_lengths[j] > longest or bends[i] + other_bends[j] > most_bends:
+                continue
+            both = gains[i] * other_gains[j]
+            # the simplest bound first, because most pairs are too faint
+            if both * _LOUDEST < faintest:
+                continue
+            # a plate of the width, straight ahead, returns half of this
+            most = min(2.0 * width * math.sqrt(1.0 / lengths[i] + 1.0 / other_lengths[j]), _LOUDEST)
+            if both * most < faintest:
+                continue
+            both *= by_separation(departures[i], other_departures[j], beams)
+            if both * most < faintest:
+                continue
+            if count < pairs.shape[0]:
+                pairs[count, 0], pairs[count, 1], legs[count] = i, j, both
+            count += 1
+    return count
 
 
-def _factors(
-    first: PartialPaths,
-    second: PartialPaths,
-    pairs: tuple[NDArray[np.intp], NDArray[np.intp]],
-    cluster: Cluster,
-    room: Room,
-    wavelength: float,
-) -> tuple[ComplexArray, FloatArray]:
-    """Return what the cluster scatters from the first to the second ways of pairs (p,), and its delay, (p,) m."""
-    small = SmallWalls(cluster.local, wavelength, cluster.openings, cluster.on_wall)
-    sources = _sources(first, cluster)
-    receivers = None if second is first else _sources(second, cluster)
-    factors, delays = small.factors(sources, receivers, pairs)
+def _strengths(points: FloatArray, cluster: Cluster, room: Room) -> FloatArray:
+    """Return the mean reflectance of a cluster, times the share of sound that no path past it has, (p,).
+
+    The sound is between the points of pairs, (p, 2, 2).
+    """
     rows = list(cluster.walls)
     lengths = np.hypot(*(room.walls[rows, 2:] - room.walls[rows, :2]).T)
-    factors = factors * float((room.reflectances[rows] * lengths).sum() / lengths.sum())
-    if not cluster.on_wall:
-        one, other = sources[pairs[0]], (sources if receivers is None else receivers)[pairs[1]]
-        before, after = first.lengths[pairs[0]], second.lengths[pairs[1]]
-        radii = np.full(len(before), cluster.radius)
-        factors = factors * (1.0 - passing_share(_angles(-one, other), radii, before, after))
-    return factors, delays
+    mean = float((room.reflectances[rows] * lengths).sum() / lengths.sum())
+    if cluster.on_wall:
+        return np.full(len(points), mean)
+    radii, (before, after) = np.full(len(points), cluster.radius), np.hypot(*np.moveaxis(points, -1, 0)).T
+    return mean * (1.0 - passing_share(_angles(-points[:, 0], points[:, 1]), radii, before, after))
 
 
 def _sources(ways: PartialPaths, cluster: Cluster) -> FloatArray:

@@ -423,11 +423,14 @@ def diffracted_paths(
     edge_diffraction: EdgeDiffraction,
     max_length: float,
     max_bounces: int,
+    faces: FloatArray,
 ) -> PartialPaths:
-    """Return all paths that combine a path of `out` to an edge with a reversed one of `back`."""
+    """Return all paths that combine a path of `out` to an edge with a reversed one of `back`.
+
+    `faces` (e, 2) are the reflectances of both faces of each edge.
+    """
     out_rows, out_edges = _paths_to_edges(room, out)
     back_rows, back_edges = (out_rows, out_edges) if back is out else _paths_to_edges(room, back)
-    faces = room.reflectances[room.edges.faces]
     first, second, gains, phases = join_at_edges(out_edges, back_edges, room.edges, faces, edge_diffraction, max_length)
     first, second = out_rows[first], back_rows[second]
     few = np.flatnonzero(out.bends[first] + back.bends[second] <= max_bounces)
@@ -626,7 +629,7 @@ def _join(
         for j in range(starts[i], back.meeting.shape[0]):
             if back.meeting[j] != out.meeting[i] or to_edge + back.lengths[j] > max_length:
                 break
-            legs = out.gains[i] * back.gains[j] * _by_separation(out.departures[i], back.departures[j], beams)
+            legs = out.gains[i] * back.gains[j] * by_separation(out.departures[i], back.departures[j], beams)
             # a bound first, because most pairs are too faint
             if legs < faintest:
                 continue
@@ -644,7 +647,7 @@ def _join(
 
 
 @compiled_part
-def _by_separation(departure: float, arrival: float, beams: FloatArray) -> float:
+def by_separation(departure: float, arrival: float, beams: FloatArray) -> float:
     """Return both beam factors at the best heading for directions of departure and arrival (rad)."""
     separation = abs(departure - arrival)
     separation = min(separation, math.tau - separation)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sonarhw.readings import FloatArray
 from sonarhw_sim.air import EdgeStrength
 from sonarhw_sim.board.beam import beam_gain
-from sonarhw_sim.rays.clusters import bounded, by_clusters, numbered, without_clusters
+from sonarhw_sim.rays.clusters import bounded, by_clusters, numbered, past_clusters
 from sonarhw_sim.rays.diffraction import EdgeDiffraction, diffracted_paths
 from sonarhw_sim.rays.fan import PathTable, Targets, TransducerAxes, all_rays, fan, first_hit, follow_fan
 from sonarhw_sim.rays.passing import Passing, at_heights
@@ -219,9 +219,9 @@ def _paths_between(
     small = followed(room, search.wavelength, by_wave) if search.small and passing is None else None
     if small is None:
         return _by_rays(room, sources, search, ends, passing)
-    paths = numbered(_by_rays(small.room, sources, search, ends, None), small, room)
+    paths = numbered(_by_rays(small.room, sources, search, ends, None, small.faces), small, room)
     if small.clusters:
-        paths = without_clusters(paths, small, room)
+        paths = past_clusters(paths, small, room)
         paths = shortest_first(PartialPaths.join([paths, _paths_by_clusters(room, small, sources, search, ends)]))
     return bounded(paths, small, room, search.wavelength) if small.guessed else paths
 
@@ -250,13 +250,18 @@ def _paths_by_clusters(
 
 
 def _by_rays(
-    room: Room, sources: FloatArray, search: PathSearch, ends: FloatArray, passing: Passing | None
+    room: Room,
+    sources: FloatArray,
+    search: PathSearch,
+    ends: FloatArray,
+    passing: Passing | None,
+    faces: FloatArray | None = None,
 ) -> PartialPaths:
-    """Return the paths of `_paths_between` by rays alone."""
+    """Return the paths of `_paths_between` by rays. `faces` (e, 2) are reflectances at edges; None: of the walls."""
     both_ways = ends is sources
     outside = ~(_inside_post(room, sources, passing) | _inside_post(room, ends, passing))
     if not outside.all():
-        return _outside_posts(room, sources, search, ends, passing, np.flatnonzero(outside))
+        return _outside_posts(room, sources, search, ends, passing, np.flatnonzero(outside), faces)
     diffracting = _diffracting_edges(room, sources, ends, search)
     edges = np.flatnonzero(diffracting.any(axis=0))
     to_edges = np.where(diffracting, _longest_partial(room, ends, search), -math.inf)[:, edges]
@@ -276,7 +281,8 @@ def _by_rays(
         by_posts = chains_of(posts, back_ways, between), edge_ways
         to_edges = np.where(diffracting, _longest_partial(room, sources, search), -math.inf)[:, edges]
         back = _partial_paths_from(search.reversed, posts, ends, sources, edges, to_edges, 0.0, by_posts)
-    diffracted = diffracted_paths(room, out, back, search.edge_diffraction, longest, bounces)
+    faces = room.reflectances[room.edges.faces] if faces is None else faces
+    diffracted = diffracted_paths(room, out, back, search.edge_diffraction, longest, bounces, faces)
     straight = out.select(np.flatnonzero(out.edges < 0)) if len(edges) else out
     del out, back  # a small room with posts has a million points
     if passing is not None:
@@ -306,14 +312,15 @@ def _outside_posts(
     ends: FloatArray,
     passing: Passing | None,
     rows: NDArray[np.intp],
+    faces: FloatArray | None,
 ) -> PartialPaths:
-    """Return the paths of `_paths_between` for these rows of the places only."""
+    """Return the paths of `_by_rays` for these rows of the places only."""
     if not len(rows):
         return PartialPaths.none()
     chosen = sources[rows]
     some = search if search.axes is None else replace(search, axes=search.axes.select(rows))
     some = some if some.leaving is None else replace(some, leaving=some.leaving[rows])
-    paths = _by_rays(room, chosen, some, chosen if ends is sources else ends[rows], passing)
+    paths = _by_rays(room, chosen, some, chosen if ends is sources else ends[rows], passing, faces)
     return replace(paths, places=rows.astype(np.int32)[paths.places])
 
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
 from sonarhw_sim.board.beam import ComplexArray
+from sonarhw_sim.compiled import compiled
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -29,7 +30,8 @@ _NEAR = 4.0  # panel lengths: nearer, the logarithm is integrated exactly
 _POINTS = 4  # on a panel, for integrals of near ones
 _NODES, _WEIGHTS = (np.polynomial.legendre.leggauss(_POINTS) + np.array([[1.0], [0.0]])) / 2.0
 _MEETING = 1e-7  # m
-_AT_ONCE = 2000  # pairs of source and receiver
+_OUTSIDE = 1.1  # radii, and a wavelength: nearer sources are evaluated directly
+_FAINTEST = 1e-6  # of the loudest field at the unknowns
 _STEP = 0.015  # of the wave number, to find the delay: half of the band of a burst of 16 cycles
 
 
@@ -42,42 +44,71 @@ class SmallWalls:
     openings: tuple[tuple[float, float], ...] = ()  # of the endless wall, from x to x
     on_wall: bool = False
 
-    def factors(
-        self, sources: FloatArray, receivers: FloatArray | None, pairs: tuple[NDArray[np.intp], NDArray[np.intp]]
-    ) -> tuple[ComplexArray, FloatArray]:
-        """Return the scattered sound from `sources` (n, 2) to `receivers` (m, 2), (p,), and its delay, (p,) m.
+    def sound(self, points: FloatArray, pairs: NDArray[np.intp]) -> ComplexArray:
+        """Return the scattered sound between the points (n, 2) of each pair (p, 2), (p,).
 
-        `pairs` (p,) are rows of both; without `receivers`, these are the sources. The sound is relative to sound by way
-        of the origin. On an endless wall, it is the difference from what the wall alone returns with its openings
-        closed.
+        It is relative to sound by way of the origin. On an endless wall, it is the difference from what the wall alone
+        returns with its openings closed.
         """
+        return self._relative(math.tau / self.wavelength, points, pairs)
+
+    def delays(self, points: FloatArray, pairs: NDArray[np.intp], sound: ComplexArray) -> FloatArray:
+        """Return the delay, m, of the `sound` between the points of each pair, (p,)."""
         number = math.tau / self.wavelength
-        sound, beside = (self._relative(k, sources, receivers, pairs) for k in (number, number * (1.0 + _STEP)))
-        delays = -np.angle(beside * np.conj(sound)) / (_STEP * number)
-        return sound, np.asarray(delays)
+        beside = self._relative(number * (1.0 + _STEP), points, pairs)
+        return np.asarray(-np.angle(beside * np.conj(sound)) / (_STEP * number))
 
-    def _relative(
-        self,
-        number: float,
-        sources: FloatArray,
-        receivers: FloatArray | None,
-        pairs: tuple[NDArray[np.intp], NDArray[np.intp]],
-    ) -> ComplexArray:
-        from scipy.special import hankel2  # slow to import, and most rooms have no small walls
+    def _relative(self, number: float, points: FloatArray, pairs: NDArray[np.intp]) -> ComplexArray:
+        from scipy.special import j0, y0  # slow to import, and most rooms have no small walls
 
-        inverse, ends = _inverse(self, number), sources if receivers is None else receivers
-        caused = self._caused(number, sources).T
-        answers = (caused if receivers is None else self._caused(number, receivers).T) @ inverse
-        total = np.empty(len(pairs[0]), np.complex128)
-        for begin in range(0, len(total), _AT_ONCE):
-            part = slice(begin, begin + _AT_ONCE)
-            first, second = pairs[0][part], pairs[1][part]
-            total[part] = np.einsum("pu,pu->p", caused[first], answers[second])
-            if receivers is None:
-                # equal to the last bit when exchanged
-                total[part] = (total[part] + np.einsum("pu,pu->p", caused[second], answers[first])) / 2.0
-        lengths = np.hypot(*sources[pairs[0]].T) + np.hypot(*ends[pairs[1]].T)
-        return np.asarray(total / (-0.25j * hankel2(0, number * lengths)))
+        rows = np.zeros(len(points), np.intp)
+        rows[pairs.ravel()] = 1
+        points, pairs = points[rows > 0], (np.cumsum(rows) - 1)[pairs]
+        lengths = np.hypot(*points.T)
+        modes, near = _modes(self, number), lengths < self.nearest
+        # the second point of each pair is far, unless both are near
+        pairs = np.where(near[pairs[:, 1:]], pairs[:, ::-1], pairs)
+        waves, caused = self._waves(number, points), self._caused(number, points[near]).T
+        sent, below = waves @ modes.waves[0], np.flatnonzero(self.on_wall & (points[:, 1] < 0.0))
+        sent[below] = waves[below] @ modes.waves[-1]
+        returned = sent @ modes.scattered
+        returned[near] = caused @ modes.answers
+        total = np.empty(len(pairs), np.complex128)
+        _fill_products(returned, sent, pairs, total)
+        both = np.flatnonzero(near[pairs].all(axis=1))
+        first, second = (np.cumsum(near) - 1)[pairs[both]].T
+        total[both] = ((caused @ _inverse(self, number))[first] * caused[second]).sum(axis=1)
+        by_origin = number * lengths[pairs].sum(axis=1)
+        return np.asarray(total / (-0.25j * j0(by_origin) - 0.25 * y0(by_origin)))
+
+    @cached_property
+    def radius(self) -> float:
+        """That of the circle round the origin with all walls and openings, m."""
+        ends = [end for a, b, c, d in self.walls for end in ((a, b), (c, d))]
+        return max(math.hypot(*end) for end in [*ends, *((x, 0.0) for x in itertools.chain(*self.openings))])
+
+    @cached_property
+    def nearest(self) -> float:
+        """The distance from the origin, m, beyond which the sound of a source is a sum of waves from the origin."""
+        return _OUTSIDE * self.radius + self.wavelength
+
+    def _waves(self, number: float, points: FloatArray) -> ComplexArray:
+        """Return waves from the origin at points (n, 2): even ones by order, then odd ones if no wall is there.
+
+        By reciprocity, they are the factors of the regular waves that a source at a point causes at the walls.
+        """
+        from scipy.special import j0, j1, y0, y1
+
+        sizes, order = number * np.maximum(np.hypot(*points.T), self.nearest), self._order(number)
+        begin = np.column_stack((j0(sizes) - 1j * y0(sizes), j1(sizes) - 1j * y1(sizes)))
+        waves = np.empty((len(points), 1 + order * (1 if self.on_wall else 2)), np.complex128)
+        _fill_waves(order, sizes, np.arctan2(points[:, 1], points[:, 0]), begin, waves)
+        return waves
+
+    def _order(self, number: float) -> int:
+        """Return the highest order of waves that the walls return."""
+        size = number * self.radius
+        return math.ceil(size + 6 * math.cbrt(size)) + 8
 
     @property
     def panels(self) -> "tuple[_Panels, _Panels, _Panels]":
@@ -105,6 +136,64 @@ class SmallWalls:
     ) -> ComplexArray:
         total = field(number, panels, points)
         return total + field(number, panels, points * (1, -1)) if self.on_wall else total
+
+
+@dataclass(frozen=True)
+class _Modes:
+    """Fields at the unknowns of small walls, as many as sources outside can cause, and what they return.
+
+    The unknowns are many more: a field on a line of length l has about 2 l/λ degrees of freedom.
+    """
+
+    waves: tuple[ComplexArray, ...]  # (w, r): the fields by waves from the origin, above an endless wall and below
+    answers: ComplexArray  # (u, r): what each unknown returns to sources of each field
+    scattered: ComplexArray  # (r, r): what each field returns
+
+
+@lru_cache(maxsize=48)
+def _modes(small: SmallWalls, number: float) -> _Modes:
+    """Return the fields at small walls, for a wave number (1/m), by sources on the nearest circle."""
+    count = 1 + small._order(number)
+    angles = (np.arange(count if small.on_wall else 2 * count) + 0.5) * math.pi / count
+    points = small.nearest * np.column_stack((np.cos(angles), np.sin(angles)))
+    waves = small._waves(number, points)
+    caused = [small._caused(number, side) for side in (points, points * (1, -1))[: 1 + small.on_wall]]
+    # slopes of sound at walls, and sound at openings, which is fainter by the wave number
+    units = np.ones(len(caused[0]))
+    units[len(units) - len(small.panels[2].starts) :] = number
+    fields, sizes, _ = np.linalg.svd(units[:, None] * np.hstack(caused), full_matrices=False)
+    fields = fields[:, sizes > _FAINTEST * sizes[0]]
+    parts = fields.conj().T * units
+    by_waves = tuple(np.asarray(np.linalg.lstsq(waves, (parts @ side).T)[0]) for side in caused)
+    fields = fields / units[:, None]
+    answers = _inverse(small, number) @ fields
+    return _Modes(by_waves, answers, fields.T @ answers)
+
+
+@compiled
+def _fill_waves(
+    order: int, sizes: FloatArray, directions: FloatArray, begin: ComplexArray, waves: ComplexArray
+) -> None:
+    """Fill in waves from the origin, `begin` (n, 2) with orders 0 and 1, and odd ones if there is space for them."""
+    for k in range(sizes.shape[0]):
+        turn = complex(math.cos(directions[k]), math.sin(directions[k]))
+        before, now, angle = begin[k, 0], begin[k, 1], turn
+        waves[k, 0] = before
+        for m in range(1, order + 1):
+            waves[k, m] = 2.0 * angle.real * now
+            if waves.shape[1] > order + 1:
+                waves[k, order + m] = 2.0 * angle.imag * now
+            before, now, angle = now, 2.0 * m / sizes[k] * now - before, angle * turn
+
+
+@compiled
+def _fill_products(one: ComplexArray, other: ComplexArray, pairs: NDArray[np.intp], products: ComplexArray) -> None:
+    """Fill in the product (p,) of a row of one table and a row of the other, for pairs (p, 2) of rows."""
+    for k in range(pairs.shape[0]):
+        first, second, total = pairs[k, 0], pairs[k, 1], 0.0j
+        for m in range(one.shape[1]):
+            total += one[first, m] * other[second, m]
+        products[k] = total
 
 
 @dataclass(frozen=True)

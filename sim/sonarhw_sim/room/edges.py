@@ -40,6 +40,12 @@ class Edges:
     def __len__(self) -> int:
         return len(self.names)
 
+    def select(self, rows: NDArray[np.intp]) -> "Edges":
+        """Return these rows."""
+        bare = None if self.bare is None else self.bare[rows]
+        names = tuple(self.names[row] for row in rows.tolist())
+        return Edges(self.points[rows], self.starts[rows], self.openings[rows], self.faces[rows], names, bare)
+
 
 class EdgesByHeight(NamedTuple):
     """The edges of all heights; between two bounds, the same ones exist."""

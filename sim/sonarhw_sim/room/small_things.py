@@ -56,6 +56,7 @@ class Followed:
     guessed: tuple[Cluster, ...]  # those that are not solved
     joined: tuple[tuple[int, ...], ...]  # of each wall of `room`, rows of the original walls
     edges: IntArray  # of each edge of `room`, its row in the original edges
+    faces: FloatArray  # (e, 2): reflectances at the edges of `room`; its own walls of clusters reflect no rays
 
 
 @lru_cache(maxsize=8)
@@ -69,7 +70,8 @@ def followed(room: Room, wavelength: float, solves: bool) -> Followed | None:
         return None
     if not solved and len(groups) == len(room.walls):
         everywhere = np.arange(len(room.edges), dtype=np.int32)
-        return Followed(room, room, (), guessed, tuple(groups), everywhere)
+        faces = room.reflectances[room.edges.faces]
+        return Followed(room, room, (), guessed, tuple(groups), everywhere, faces)
     removed = {row for cluster in solved if cluster.on_wall for row in cluster.walls}
     alone = {row for cluster in solved if not cluster.on_wall for row in cluster.walls}
     for cluster in solved:
@@ -78,9 +80,17 @@ def followed(room: Room, wavelength: float, solves: bool) -> Followed | None:
     kept = [k for k, group in enumerate(groups) if not removed.intersection(group)]
     bare = [k for k, group in enumerate(groups) if not (removed | alone).intersection(group)]
     base = _with_walls(room, walls, groups, kept)
-    base = replace(base, edges=find_edges(base.walls, base.names[: len(base.walls)]))
     without = replace(_with_walls(room, walls, groups, bare), edges=_centres(solved))
-    return Followed(base, without, solved, guessed, tuple(groups[k] for k in kept), _same_edges(base.edges, room.edges))
+    joined = tuple(groups[k] for k in kept)
+    silent = [row for row, group in enumerate(joined) if alone.intersection(group)]
+    edges = find_edges(base.walls, base.names[: len(base.walls)])
+    # no sound bends past an inner corner
+    inner = np.isin(edges.faces, silent).any(axis=1) & (edges.openings < math.pi)
+    edges = edges.select(np.flatnonzero(~inner))
+    faces, reflectances = base.reflectances[edges.faces], base.reflectances.copy()
+    reflectances[silent] = 0.0
+    base = replace(base, edges=edges, reflectances=reflectances)
+    return Followed(base, without, solved, guessed, joined, _same_edges(edges, room.edges), faces)
 
 
 def _with_walls(room: Room, walls: FloatArray, groups: Sequence[tuple[int, ...]], kept: Sequence[int]) -> Room:

@@ -16,6 +16,7 @@ from sonarhw_sim.rays import fan as path_table
 from sonarhw_sim.rays.fan import TransducerAxes
 from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths, find_paths_of_places
 from sonarhw_sim.rays.posts import cylinder_factor
+from sonarhw_sim.rays.small_waves import SmallWalls
 from sonarhw_sim.room.room import Room, load_room, with_post
 
 from sonarhw.errors import InputError
@@ -496,6 +497,32 @@ def test_sound_by_a_small_thing_comes_back_at_its_distance_and_is_the_same_in_re
     alone = find_paths(room_of(walls_of([TRAY])), (0.0, 0.0), search)
     assert len(alone) == 1
     assert 2 * 0.69 < alone.lengths[0] < 2 * 0.74
+
+
+@pytest.mark.parametrize(
+    ("chain", "openings"), [(TRAY, ()), ([(0.01, 0.0), (0.01, -0.06), (-0.01, -0.06), (-0.01, 0.0)], ((-0.01, 0.01),))]
+)
+def test_small_things_return_the_same_by_waves_from_their_middle_as_by_each_wall(
+    chain: Chain, openings: tuple[tuple[float, float], ...]
+) -> None:
+    middle = np.zeros(2) if openings else np.mean(chain, axis=0)
+    walls = tuple(tuple(np.subtract(wall, [*middle, *middle]).tolist()) for wall in walls_of([chain]))
+    by_waves, by_walls = (SmallWalls(walls, WAVE, openings, bool(openings)) for _ in range(2))
+    random = np.random.default_rng(1)
+    directions = random.uniform(0.0, math.pi if openings else math.tau, 50)
+    distances = by_waves.radius + 10 ** random.uniform(-3.0, 0.5, 50)
+    points = distances[:, None] * np.column_stack((np.cos(directions), np.sin(directions)))
+    pairs = np.column_stack(np.triu_indices(50))
+    sound = by_waves.sound(points, pairs)
+    assert (distances > by_waves.nearest).sum() > 25
+    vars(by_walls)["nearest"] = 100.0
+    exact = by_walls.sound(points, pairs)
+    loud = np.abs(exact) > 1e-3
+    assert loud.sum() > 1000
+    assert np.abs(20 * np.log10(np.abs(sound / exact)))[loud].max() < 0.01
+    assert by_waves.delays(points, pairs, sound)[loud] == pytest.approx(
+        by_walls.delays(points, pairs, exact)[loud], abs=2e-4
+    )
 
 
 def test_a_rotated_room_with_small_things_has_the_same_paths() -> None:
