@@ -427,7 +427,7 @@ def _matching_url(url: str) -> str:
 
     A match of pyserial has no limit of time, and nothing else of this program runs meanwhile.
     """
-    from sonarhw.text.layouts import MatchingProcess  # few URLs need it
+    from sonarhw.text.patterns import MatchingProcess  # few URLs need it
 
     pattern, *options = url.removeprefix("hwgrep://").split("&")
     matching = MatchingProcess(pattern, re.IGNORECASE, "search")

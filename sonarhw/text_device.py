@@ -14,7 +14,8 @@ from sonarhw.plugins.device_plugin import DeviceIdentity, DevicePlugin, Measurem
 from sonarhw.readings import ScanOrder
 from sonarhw.text.decoder import NOISE, make_decoder
 from sonarhw.text.evidence import DEGREES_ASSUMED, UnitChoice, angle_question, turns_back
-from sonarhw.text.layouts import Layout, Printed, degrees_of, layout_of, one_of
+from sonarhw.text.layouts import Layout, degrees_of, layout_of, one_of
+from sonarhw.text.numbers import Printed
 from sonarhw.text.proposals import NOTHING, LayoutProposal, propose, sweep_text
 from sonarhw.text.words import RANGE_UNITS, UNIT_NAMES
 

@@ -28,17 +28,10 @@ from sonarhw.readings import Origin, Reading, RobotPose
 from sonarhw.scan_check import ANY_BOARD, check_scan
 from sonarhw.text.decoder import Decoder, encoding_of, make_decoder, text_of, utf16_of
 from sonarhw.text.evidence import UnitChoice
-from sonarhw.text.layouts import (
-    ColumnNames,
-    Columns,
-    Layout,
-    Printed,
-    column_names,
-    columns_of,
-    json_records,
-    layout_of,
-)
+from sonarhw.text.layouts import Layout, layout_of
+from sonarhw.text.numbers import Printed
 from sonarhw.text.proposals import NAMED_CLOCKWISE, LayoutProposal, TextTable, propose, text_table
+from sonarhw.text.tables import ColumnNames, Columns, column_names, columns_of, json_records
 from sonarhw.text.words import ANGLE_UNITS, RANGE_UNITS
 from sonarhw.wire.messages import MOST_DEGREES
 from sonarhw_compare.foreign_bags import json_messages

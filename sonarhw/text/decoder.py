@@ -6,7 +6,9 @@ from collections import Counter, deque
 from dataclasses import replace
 from statistics import median
 
-from sonarhw.text.layouts import HEADER, PART, BinaryFrame, Layout, LineFormat, MatchingProcess, Printed, Units
+from sonarhw.text.layouts import BinaryFrame, Layout
+from sonarhw.text.numbers import HEADER, PART, LineFormat, Printed, Units
+from sonarhw.text.patterns import MatchingProcess
 
 MOST_LINE = 65_536  # bytes; more without the end of a line are noise
 MOST_PAUSE = 1.25  # s within a line: longer than the 1 s that pulseIn() waits for an echo, shorter than a bootloader

@@ -8,7 +8,8 @@ from itertools import pairwise
 from statistics import fmean, median
 
 from sonarhw.errors import InputError
-from sonarhw.text.layouts import MOST_HEADING, Layout, Printed
+from sonarhw.text.layouts import Layout
+from sonarhw.text.numbers import MOST_HEADING, Printed
 from sonarhw.text.words import ANGLE_UNITS, RANGE_UNITS, STEP, UNIT_NAMES, ColumnKind, NameMeaning, is_metric, words_of
 
 FEWEST = 4  # readings

@@ -25,25 +25,10 @@ from sonarhw.text.evidence import (
     range_unit,
     sweeps,
 )
-from sonarhw.text.layouts import (
-    ANGLE_DISTANCE,
-    GROUPS_TEXT,
-    LINE_ENDS,
-    PRESETS,
-    ColumnNames,
-    Columns,
-    Layout,
-    Printed,
-    cells_of,
-    column_names,
-    columns_of,
-    ends_of,
-    json_records,
-    named_columns,
-    number_of,
-    numbers_of,
-    parse_template,
-)
+from sonarhw.text.layouts import ANGLE_DISTANCE, PRESETS, Layout
+from sonarhw.text.numbers import GROUPS_TEXT, LINE_ENDS, Printed, ends_of, number_of, numbers_of
+from sonarhw.text.patterns import parse_template
+from sonarhw.text.tables import ColumnNames, Columns, cells_of, column_names, columns_of, json_records, named_columns
 from sonarhw.text.words import (
     STEP,
     UNIT_NAMES,

@@ -13,7 +13,7 @@ from sonarhw_compare.import_formats import FORMATS, ImportFormat, takes_option
 
 from sonarhw.errors import InputError, shortened
 from sonarhw.readings import Origin, Reading
-from sonarhw.text.layouts import Columns, columns_of
+from sonarhw.text.tables import Columns, columns_of
 from sonarhw.text.words import ANGLE_UNITS, RANGE_UNITS, STEP
 from sonarhw_gui.jobs.files import SHOWN_LINES, LookedAt, look_at_scan
 from sonarhw_gui.jobs.jobs import Jobs

@@ -6,7 +6,8 @@ import pytest
 
 from sonarhw.errors import InputError
 from sonarhw.text.decoder import make_decoder
-from sonarhw.text.layouts import HEADER, PART, PRESETS, BinaryFrame, Layout, Printed
+from sonarhw.text.layouts import PRESETS, BinaryFrame, Layout
+from sonarhw.text.numbers import HEADER, PART, Printed
 from sonarhw.text_device import read_lines_url
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import pytest
 
 from sonarhw.text.decoder import make_decoder
-from sonarhw.text.layouts import Printed
+from sonarhw.text.numbers import Printed
 from sonarhw.text.proposals import propose
 
 WORDS = (
