@@ -330,7 +330,7 @@ def _in_one(draft: RoomDraft, key: int, other: int) -> RoomDraft:
 # shares of growth that are done after each of its rounds, the rest is for oblique walls; share of a search after growth
 _ROUNDS_DONE, _SEARCHED_DONE = (0.72, 0.83, 0.89), 0.9
 _REGROWN = 2  # times that walls grow in place of those that no range determines
-LARGE = 500  # searches of the paths of a scan, some seconds, after which a search is so large that processes pay
+LARGE = 1000  # searches of the paths of a scan, some seconds, after which a search is so large that processes pay
 _ROOM_STEPS, _LAST_STEPS = 4, 8  # of a refinement
 _CLEAR_PRICE = 25.0  # log-likelihood: in real scans, false walls and posts added 11 to 24, true ones 32 and more
 _UNKNOWN, _UNKNOWN_TURN = 0.06, math.radians(5.4)  # m, rad: standard deviations of a wall that is not reported
