@@ -1,7 +1,7 @@
 """What is probably wrong in a room that can be read, and why a prediction has no echo."""
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -16,7 +16,7 @@ from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.room import Place, Room, object_around, object_name, surface_distances, wall_distances
 from sonarhw_sim.room.room_file import MEETING, RoomFile
 from sonarhw_sim.room.room_writing import materials
-from sonarhw_sim.room.small_things import clusters_of
+from sonarhw_sim.room.small_things import clusters_of, coupled_to, slits_of
 
 Point = tuple[float, float]  # m
 
@@ -254,18 +254,42 @@ def refusals_of(text: str, where: str) -> list[str]:
 
 
 def _guessed_levels(room: Room, board: Board) -> Iterator[Finding]:
-    """Yield the small walls that are nearer to each other than rays resolve, and are not solved by the wave."""
+    """Yield the walls that are nearer to each other than rays resolve, and are not solved by the wave."""
     wavelength = board.wavelength(room.air)
+    sound = f"for sound of {_millimetres(wavelength)}"
     for cluster in clusters_of(room, wavelength):
-        if cluster.solvable:
-            continue
-        names = [room.names[row] for row in cluster.walls]
-        where = f"wall {names[0]!r}" if len(names) == 1 else f"walls {names[0]!r} to {names[-1]!r}"
         middle = _middle(room, cluster.walls[0])
-        text = f"has edges too near to others for sound of {_millimetres(wavelength)}, at {_point(middle)}"
-        text = text if len(names) == 1 else text.replace("has edges", "have edges", 1)
-        advice = "the levels of their echoes are guesses, at most those of a plate as wide"
-        yield Finding("guessed level", where, text, advice, (middle,))
+        several, at = len(cluster.walls) > 1, f"at {_point(middle)}"
+        if not cluster.solvable:
+            text = f"{'have' if several else 'has'} edges too near to others {sound}, {at}"
+            advice = "the levels of their echoes are guesses, at most those of a plate as wide"
+        elif coupled := coupled_to(cluster, room, wavelength):
+            other = f"{'post' if coupled[0] >= len(room.walls) else 'wall'} {room.names[coupled[0]]!r}"
+            text = f"{'are' if several else 'is'} too near to {other} {sound}, {at}"
+            advice = "sound that goes to it and back is left out, so the levels of their echoes are guesses"
+        else:
+            continue
+        yield Finding("guessed level", _walls(room, cluster.walls), text, advice, (middle,))
+    gaps = [point for finding in _gaps(room) for point in finding.at]
+    for slit in slits_of(room, wavelength):
+        if not _is_heard(room, slit.walls) or any(math.dist(point, slit.middle) < _NEAR for point in gaps):
+            continue
+        where = " and ".join(repr(room.names[row]) for row in slit.walls)
+        text = f"have a slit too narrow {sound}, at {_point(slit.middle)}"
+        advice = "the levels of sound through it and from its edges are guesses"
+        yield Finding("guessed level", f"walls {where}", text, advice, (_pair(slit.middle),))
+
+
+def _is_heard(room: Room, walls: Sequence[int]) -> bool:
+    """Return whether all these walls are in the plan of a place."""
+    low, high = room.heights[list(walls), 0].max(), room.heights[list(walls), 1].min()
+    heights = [place.height for place in room.places.values()]
+    return not heights or any(height is None or low <= height <= high for height in heights)
+
+
+def _walls(room: Room, rows: Sequence[int]) -> str:
+    names = [room.names[row] for row in rows]
+    return f"wall {names[0]!r}" if len(names) == 1 else f"walls {names[0]!r} to {names[-1]!r}"
 
 
 def _unused_materials(room: Room) -> Iterator[Finding]:

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,7 @@ _NEAR = 8.0  # things with a narrower gap between them
 _LONGEST = 45.0  # a longer wall is part of no cluster
 _LARGEST = 90.0  # the outline of a cluster that is solved
 _BESIDE = 8.0  # an endless wall continues so far at both sides of a cluster
+_TOGETHER = 64.0  # sound that makes a detour as long arrives after a burst
 _MOST = 1000  # short walls; with more, a room has no clusters
 _FLAT = 0.01  # rad, by which a corner differs from a wall that continues
 _SAME_WAY = 1e-6  # rad
@@ -44,6 +46,13 @@ class Cluster:
     local: tuple[tuple[float, float, float, float], ...] = ()  # its walls in its own coordinates, m
     openings: tuple[tuple[float, float], ...] = ()  # of the wall on which it stands, from x to x, m
     on_wall: bool = False
+
+
+class Slit(NamedTuple):
+    """A narrow gap between two long walls."""
+
+    walls: tuple[int, int]  # rows of the room's walls
+    middle: FloatArray  # (2,) m
 
 
 @dataclass(frozen=True)
@@ -207,6 +216,66 @@ def clusters_of(room: Room, wavelength: float) -> tuple[Cluster, ...]:
             originals = tuple(row for k in part.tolist() for row in groups[k])
             clusters.append(_cluster(walls, part, beside, originals, wavelength))
     return tuple(clusters)
+
+
+def slits_of(room: Room, wavelength: float) -> list[Slit]:
+    """Return the narrow gaps between two long walls that no cluster fills; one for each object."""
+    groups, walls = _on_one_line(room)
+    lengths = np.hypot(*_along(walls).T)
+    large = np.flatnonzero(lengths > _LONGEST * wavelength)[:_MOST]
+    gaps = _gaps(walls[large], walls[large])
+    narrow = np.triu((gaps > MEETING) & (gaps < _NEAR * wavelength))
+    for cluster in clusters_of(room, wavelength):
+        beside = _gaps(room.walls[list(cluster.walls)], walls[large]).min(axis=0) < _NEAR * wavelength
+        narrow &= ~(beside[:, None] & beside)
+    slits, touch = [], gaps <= MEETING
+    for one, other in np.argwhere(narrow).tolist():
+        middle = _between(walls[large[one]], walls[large[other]])
+        if narrow[one, other] and _can_be_heard(room, middle):
+            slits.append(Slit((groups[large[one]][0], groups[large[other]][0]), middle))
+            # one wall of each object is enough
+            narrow[one, touch[other]] = narrow[touch[one], other] = False
+    return slits
+
+
+def coupled_to(cluster: Cluster, room: Room, wavelength: float) -> tuple[int, ...]:
+    """Return the walls and posts from which sound of a solved cluster may return to it within a burst; empty: none.
+
+    A thing of width w returns most of its sound within w/λ of its width: w w′ > λ d at a distance d to another one.
+    """
+    own, posts = room.walls[list(cluster.walls)], room.posts
+    widths, others = np.append(np.hypot(*_along(room.walls).T), 2 * posts[:, 2]), clusters_of(room, wavelength)
+    flat = np.column_stack((posts[:, :2], posts[:, :2] + [MEETING, 0.0]))
+    gaps = _gaps(own, np.vstack((room.walls, flat)))
+    nearest = gaps.min(axis=0) - np.append(np.zeros(len(room.walls)), posts[:, 2])
+    # rays follow walls and posts, but not from the cluster back to it
+    detours = 2 * nearest
+    for other in others:
+        widths[list(other.walls)] = other.width
+        detours[list(other.walls)] = nearest[list(other.walls)]
+    near = (detours * wavelength < cluster.width * np.minimum(widths, cluster.width)) & (
+        detours < _TOGETHER * wavelength
+    )
+    near[list(cluster.walls)] = False
+    if cluster.on_wall:
+        near[: len(room.walls)] &= ~_lies(_turned(room.walls, np.array(cluster.centre), cluster.turn))
+    surfaces = np.vstack((room.walls, flat))
+    return tuple(
+        row
+        for row in np.flatnonzero(near).tolist()
+        if _can_be_heard(room, _between(own[gaps[:, row].argmin()], surfaces[row]))
+    )
+
+
+def _between(wall: FloatArray, other: FloatArray) -> FloatArray:
+    """Return the middle of the shortest line between two walls (4,) that do not cross."""
+    middles = []
+    for ends, across in ((wall, other), (other, wall)):
+        for end in (ends[:2], ends[2:]):
+            along = across[2:] - across[:2]
+            foot = across[:2] + min(max(float((end - across[:2]) @ along / (along @ along)), 0.0), 1.0) * along
+            middles.append((math.dist(end, foot), *((end + foot) / 2).tolist()))
+    return np.array(min(middles)[1:])
 
 
 def _gaps(walls: FloatArray, others: FloatArray) -> FloatArray:

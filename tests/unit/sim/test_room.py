@@ -275,12 +275,26 @@ def test_the_plans_of_shipped_rooms_have_no_findings(name: str) -> None:
             f"{WALL}[[0.0, 1.0], [0.03, 1.0], [0.03, 2.0]]",
             "wall 'v[0]': has edges too near to others for sound of 6.96 mm, at 0.015, 1 m; the levels of their",
         ),
+        (
+            f"{WALL}[[3.88, 1.97], [3.86, 1.97], [3.86, 2.03], [3.88, 2.03]]",
+            "walls 'v[0]' to 'v[2]': are too near to wall 'w[1]' for sound of 6.96 mm, at 3.87, 1.97 m; sound that",
+        ),
+        (
+            f"{WALL}[[2.0, 0.03], [2.8, 0.03], [2.8, 0.5], [2.0, 0.5]]\nclosed = true",
+            "walls 'w[0]' and 'v[0]': have a slit too narrow for sound of 6.96 mm, at 2, 0.015 m; the levels of sound",
+        ),
         ("[materials.n]\nreflectance = 0.5", "material 'n': no wall, post, floor or ceiling has it; use it"),
     ],
 )  # fmt: skip
 def test_each_mistake_is_found_once(more: str, line: str) -> None:
     (found,) = lines(BOX + more)
     assert found.startswith(line)
+
+
+def test_levels_of_a_tray_in_the_open_and_of_a_cabinet_on_a_wall_are_no_guesses() -> None:
+    tray = "[[3.0, 1.4], [3.02, 1.4], [3.02, 1.46], [3.0, 1.46]]"
+    partition = "[[0.0, 2.0], [0.5, 2.0], [0.5, 2.4], [0.0, 2.4]]"
+    assert lines(f"{BOX}{WALL}{tray}\n{WALL.replace('v', 'u')}{partition}") == []
 
 
 def test_a_room_in_centimetres_is_found_and_silent() -> None:
