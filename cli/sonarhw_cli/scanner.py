@@ -1,6 +1,7 @@
 """Commands for one scanner: move, ask, fake or replay it, find its port, check its wiring, and flash its firmware."""
 
 import math
+import re
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -361,10 +362,18 @@ def ports(
             )
             for fact in listed[-1].get("evidence") or ():
                 options.print_line(f"    {fact}")
-            if listed[-1].get("proposed_url") and not listed[-1]["undecided"]:
-                options.print_note(f"next: sonarhw scan '{listed[-1]['proposed_url']}' --out scan.mcap")
+            if url := listed[-1].get("proposed_url"):
+                _print_next(url, listed[-1]["undecided"])
     if as_json:
         options.print_json({"ports": listed})
+
+
+def _print_next(url: str, undecided: list[str]) -> None:
+    """Print the command that scans at a proposed URL, with the first answer to each question."""
+    answers = [match[1] for question in undecided if (match := re.search(r"add ((?:unit|angle|step)=\w+)", question))]
+    if len(answers) == len(undecided):
+        command = f"sonarhw scan '{'&'.join((url, *answers))}' --out scan.mcap"
+        options.print_note(f"next, with your answer: {command}" if answers else f"next: {command}")
 
 
 def _described_port(port: "Port") -> dict[str, Any]:

@@ -117,18 +117,19 @@ _HEXADECIMAL = re.compile(
 
 
 def _thousands_question(lines: list[str]) -> str:
-    """Return the question whether a mark separates thousands or numbers: some lines have one number more than others.
+    """Return the question whether a mark separates thousands or numbers.
 
-    It is empty unless that number always has three digits.
+    It is empty unless a number always has three digits, and is missing in some lines or has a zero before others.
     """
     rows = [re.findall(r"\d+", line) for line in lines]
     counts = Counter(map(len, rows))
     usual = sorted(length for length, number in counts.items() if number > _FEW * len(rows))
-    if len(usual) != 2 or usual[1] != usual[0] + 1:
+    if not usual or usual[-1] - usual[0] != len(usual) - 1 or len(usual) > 2:
         return ""
-    longer = [(row, line) for row, line in zip(rows, lines, strict=True) if len(row) == usual[1]]
-    for k in range(usual[0]):
-        if all(len(row[k + 1]) == 3 and len(row[k]) < 4 and row[k][0] != "0" for row, _ in longer):
+    longer = [(row, line) for row, line in zip(rows, lines, strict=True) if len(row) == usual[-1]]
+    for k in range(usual[-1] - 1):
+        padded = len(usual) > 1 or (k and any(row[k + 1][0] == "0" for row, _ in longer))
+        if padded and all(len(row[k + 1]) == 3 and len(row[k]) < 4 and row[k][0] != "0" for row, _ in longer):
             row, line = longer[0]
             shown = re.search(rf"{row[k]}\D{row[k + 1]}", line)
             if shown and shown[0][len(row[k])] in ", ":

@@ -107,7 +107,9 @@ def test_guess_finds_a_rangefinder_without_angle(capsys: pytest.CaptureFixture[s
         assert run(["ports", "--guess", device.port]) == 0
         undecided = "no angle is printed: add step=DEGREES, the turn of the table between two readings"
         url = f"lines:{device.port}?baud=9600&preset=maxbotix&unit=mm"
-    first, *details = capsys.readouterr().out.splitlines()
+    out, err = capsys.readouterr()
+    first, *details = out.splitlines()
+    assert err.endswith(f"next, with your answer: sonarhw scan '{url}&step=DEGREES' --out scan.mcap\n")
     assert first == f"{device.port}  prints maxbotix at 9600 baud; undecided: {undecided}: '{url}'"
     assert details[0] == "    range in millimetres: four digits"
 

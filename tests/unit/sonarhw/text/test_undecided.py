@@ -137,6 +137,7 @@ NUMBERS = {  # a line, and the question about it; none where its ranges are read
     "0x{a:02X},0x{r:04x}": "",
     '{{"angle": {a}, "range_mm": "{r:,}"}}': "",
     "{a},{r:,}": "may be one number or two",
+    "{a},{far:,}": "may be one number or two",  # all above 1000
     "{a};{spaced}": "may be one number or two",
     "{a:02X},{r:04X}": "may be hexadecimal",
     "{a}\t{yards:.2f}": "unit=m or unit=ft or unit=yd",
@@ -156,6 +157,7 @@ def test_numbers_of_any_notation_are_read_or_are_a_question(line: str, question:
             spaced=texts[r].replace(",", " "),
             yards=r / 914.4,
             range_us=r + 800,
+            far=r + 1000,
         )
         for a, r in zip(ANGLES, ranges, strict=True)
     ]
