@@ -2,7 +2,8 @@
 
 Finds the arena from one scan of each sensor at each place. Positions are known within 3 cm, headings are unknown, the
 profile is the generic one. With `--known`, headings are known within 5°, as by `locate`. `--quick` and `--thorough` are
-the other levels of effort. `--refined` begins with the arena and these headings, and finds no walls.
+the other levels of effort. `--refined` begins with the arena and these headings, and finds no walls: its verdicts show
+how often a right room is refused.
 
 Printed are the walls of the arena that are found within 3 cm and 2°, the number of other walls, the verdict, and the
 processor and elapsed time. Last come the shares of the 95 % intervals that hold the true offset and direction: of right
@@ -18,12 +19,12 @@ from dataclasses import replace
 import numpy as np
 from sonarhw_compare.edits import Z95
 from sonarhw_compare.locate import PoseSpread
-from sonarhw_compare.rooms.candidates import touches_of
+from sonarhw_compare.rooms.candidates import confirmed, touches_of
 from sonarhw_compare.rooms.draft import draft_of_room
 from sonarhw_compare.rooms.effort import Effort
 from sonarhw_compare.rooms.evidence import FINE, ROUGH, Course, evidence_of, scored
 from sonarhw_compare.rooms.frame import in_frame
-from sonarhw_compare.rooms.outcome import verdict_of
+from sonarhw_compare.rooms.outcome import Verdict, verdict_of
 from sonarhw_compare.rooms.refinement import Move, deviations_of, refined, with_threshold
 from sonarhw_compare.rooms.search import FoundRoom, find_room_and_poses
 from sonarhw_sim.board.profile import load_board
@@ -74,8 +75,7 @@ def print_room(sensor: str, scans: Sequence[RealScan], known: bool, effort: Effo
     right = sorted({name for name in names if name})
     print(
         f"{sensor:3} {len(right)} of {len(ROOM.walls)} walls within 3 cm and 2°, {names.count(None)} others, "
-        f"{len(found.draft.posts)} posts; {verdict.explained:.0%} explained; "
-        f"{'a room' if verdict.is_room else 'refused: ' + '; '.join(verdict.reasons)}; "
+        f"{len(found.draft.posts)} posts; {verdict_text(verdict)}; "
         f"{sum(os.times()[:4]) - spent:.0f} s of processor time, {time.perf_counter() - begin:.0f} s",
         flush=True,
     )
@@ -91,9 +91,20 @@ def print_refined(sensor: str, scans: Sequence[RealScan]) -> tuple[FloatArray, F
         best = with_threshold(evidence, best)
         best = scored(evidence, in_frame(evidence, refined(evidence, best.draft, ROUGH, 4).draft))
     draft = in_frame(evidence, refined(evidence, best.draft, FINE, 8, with_headings=True).draft)
-    names = wall_names(draft.segments)
-    print(f"{sensor:3} {len(set(names) - {None})} of {len(ROOM.walls)} walls within 3 cm and 2°", flush=True)
-    return holds(FoundRoom(draft, deviations_of(evidence, draft), touches_of(evidence, draft), 0.0), ROOM.names)
+    touches, names = touches_of(evidence, draft), wall_names(draft.segments)
+    found = FoundRoom(draft, deviations_of(evidence, draft), touches, 0.0, scans=tuple(placed))
+    print(
+        f"{sensor:3} {len(set(names) - {None})} of {len(ROOM.walls)} walls within 3 cm and 2°, "
+        f"{len(confirmed(evidence, draft).walls)} confirmed; {verdict_text(verdict_of(found))}",
+        flush=True,
+    )
+    return holds(found, ROOM.names)
+
+
+def verdict_text(verdict: Verdict) -> str:
+    """Return a verdict in one line."""
+    judged = "a room" if verdict.is_room else "refused: " + "; ".join(verdict.reasons)
+    return f"{verdict.explained:.0%} explained; {judged}"
 
 
 def holds(found: FoundRoom, names: Sequence[str | None]) -> tuple[FloatArray, FloatArray]:

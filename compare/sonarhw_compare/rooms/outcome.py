@@ -333,6 +333,7 @@ def _apart(places: Sequence[NextPlace], count: int) -> tuple[NextPlace, ...]:
 
 
 _LEAST_WALLS = 2
+_MOST_SINGLE = 2 / 3  # of the walls: in the true arena, five of eight returned echoes to one of five scans only
 _MOST_MISFITS, _MOST_MISSING = 1 / 8, 1 / 3  # of the scans of a room, and of all scans with those left out
 
 
@@ -387,9 +388,9 @@ def verdict_of(result: FoundRoom) -> Verdict:
         )
     scans = len(result.scans) + len(result.left_out)
     if scans > 1 and (is_misfit or len(misfits) > _MOST_MISSING * scans):
-        reasons.append(f"{len(misfits)} of {scans} scans do not fit")
+        reasons.append(f"{len(misfits)} of {scans} scans {'does' if len(misfits) == 1 else 'do'} not fit")
     single = sum(len(scans_with) < 2 for scans_with in touches.seen.values())
-    if scans > 1 and single > len(touches.seen) / 2:
+    if scans > 1 and single > _MOST_SINGLE * len(touches.seen):
         reasons.append(f"{single} of {counted(len(touches.seen), 'wall')} returned echoes to one scan only")
     if len(result.draft.walls) < _LEAST_WALLS:
         reasons.append(f"{counted(len(result.draft.walls), 'wall')} found")

@@ -318,6 +318,7 @@ def rectangle(**deviations: float) -> FoundRoom:
     [
         ((2, 1, 3), 3, (), ()),
         ((12, 12, 1), 3, (), ("only 58% of 60 echoes", "2 of 3 scans do not fit")),
+        ((0, 0, 10), 3, (), ("1 of 3 scans does not fit",)),
         ((2, 1, 3), 1, (), ("4 of 4 walls returned echoes to one scan only",)),
         ((2, 1, 3), 3, ("d", "e"), ("2 of 5 scans do not fit",)),
     ],
