@@ -359,11 +359,19 @@ class Tracker:
         effective = 1 / float((weights**2).sum())
         return Tracked((float(x), float(y)), heading, deviations, effective, self._fit < self._LOST)
 
+    def drawn(self, count: int) -> FloatArray:
+        """Return the positions of some particles, drawn by their weights, (count, 2) m."""
+        return np.asarray(self._particles[self._rows(count, 0.5), :2])
+
     def _draw_again(self) -> None:
         """Draw the particles by their weights."""
-        steps = (self._random.random() + np.arange(self._count)) / self._count
-        rows = np.minimum(np.searchsorted(np.cumsum(self.weights), steps), len(self._particles) - 1)
+        rows = self._rows(self._count, self._random.random())
         self._particles, self._logs = self._particles[rows], np.zeros(self._count)
+
+    def _rows(self, count: int, begin: float) -> NDArray[np.intp]:
+        """Return the rows of `count` particles by their weights, in steps from `begin` (0..1) of the first one on."""
+        steps = (begin + np.arange(count)) / count
+        return np.minimum(np.searchsorted(np.cumsum(self.weights), steps), len(self._particles) - 1)
 
     def _anywhere(self, count: int) -> FloatArray:
         middles, size = self._free.middles, self._free.spacing
@@ -386,6 +394,7 @@ def _pair(name: str, values: object) -> tuple[float, float]:
 # The trajectory of a robot through a log: updates of a tracker, each with the readings of one place.
 
 
+_CLOUD = 100  # particles that are kept of each update, to be drawn
 EVERYWHERE = "everywhere"  # in place of a start
 _TOGETHER = 0.02  # m; readings from nearer poses are one update
 _KNOWN, _KNOWN_TURN = 0.25, math.radians(30)  # standard deviations below which a robot is located
@@ -406,6 +415,7 @@ class Track(Table):
     lost: BoolArray  # (n,): whether the readings fit no pose near the one stated
     odometry: FloatArray  # (n, 3): the poses of the odometry alone, from the first pose on
     readings: tuple[tuple[FloatArray, FloatArray], ...]  # headings relative to the robot, rad, and ranges, m, NaN: none
+    clouds: FloatArray  # (n, k, 2): positions of some particles, drawn by their weights, m
 
     def __repr__(self) -> str:
         return f"Track({self.scan!r}, {counted(len(self.times), 'update')}, {self.travelled:.1f} m)"
@@ -514,13 +524,14 @@ def track_scan(
             "odometry of a robot; `sonarhw locate` finds the place of a scan"
         )
     tracker = Tracker(room, board, start, seed=seed, **settings)
-    updates, rows, parts = _updates(readings), [], []
+    updates, rows, parts, clouds = _updates(readings), [], [], []
     before = updates[0][0]
     for number, (pose, group) in enumerate(updates):
         headings, ranges = _together(pose, group)
         found = tracker.update(step_between(before, pose), headings, ranges)
         rows.append((*found.position, found.heading, *found.deviations, found.lost))
         parts.append((headings, ranges))
+        clouds.append(tracker.drawn(_CLOUD))
         before = pose
         progress((number + 1) / len(updates))
     table = np.array(rows, dtype=np.float64)
@@ -539,6 +550,7 @@ def track_scan(
         table[:, 6] > 0,
         np.array(alone),
         tuple(parts),
+        np.array(clouds),
     )
 
 

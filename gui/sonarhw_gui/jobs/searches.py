@@ -15,7 +15,7 @@ from sonarhw_sim.board.profile import Board, without_own_body
 from sonarhw_sim.room.room import Place, Room
 
 from sonarhw.errors import InputError
-from sonarhw.readings import Reading
+from sonarhw.readings import FloatArray, Reading
 from sonarhw_gui.jobs.jobs import BackgroundJob, Jobs
 from sonarhw_gui.model.edits import Edit, room_and_place, with_sensor_at
 from sonarhw_gui.model.look import LengthUnit
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from sonarhw_compare.rooms.draft import DraftPost, DraftWall, RoomDraft
     from sonarhw_compare.rooms.outcome import NextPlace
     from sonarhw_compare.rooms.search import FoundRoom
+    from sonarhw_compare.track import Track
 
 
 @dataclass(frozen=True)
@@ -338,6 +339,24 @@ def search_causes(shown: Shown, job: BackgroundJob) -> CausesAnswer:
     comparison = compare(newest, room, place, scene.board, receiver=scene.options.receiver, warn=_ignored)
     result = find_missing(comparison, lambda share: job.report(share, "searching"))
     return CausesAnswer(scene, len(shown.readings) - len(newest), result)
+
+
+def track_robot(shown: Shown, everywhere: bool, job: BackgroundJob) -> "Track":
+    """Follow the robot through the readings shown, from its first pose or from anywhere, by their odometry.
+
+    Raises InputError if the readings have no poses.
+    """
+    from sonarhw_compare.scans import GivenScan
+    from sonarhw_compare.track import track_scan
+
+    room, _ = room_and_place(shown.scene)
+    start = None if everywhere or shown.poses is None else Place("", _xy(shown.poses[0]), float(shown.poses[0, 2]))
+    readings = GivenScan("this scan", shown.readings)
+    return track_scan(readings, room, shown.scene.board, start, progress=lambda share: job.report(share, "tracking"))
+
+
+def _xy(pose: FloatArray) -> tuple[float, float]:
+    return float(pose[0]), float(pose[1])
 
 
 _MOST_NEXT = 3  # places

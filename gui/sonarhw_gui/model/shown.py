@@ -55,6 +55,14 @@ _NO_WALLS, _NO_POSTS = np.empty((0, 4)), np.empty((0, 3))
 NOT_FOUND = FoundDrawing(_NO_WALLS, _NO_POSTS, _NO_WALLS, _NO_POSTS, NO_POINTS, NO_POINTS)
 
 
+@dataclass(frozen=True, eq=False)
+class TrackDrawing:
+    """Where the tracker has found the robot so far, and the particles of the last update, m."""
+
+    path: FloatArray  # (n, 2)
+    cloud: FloatArray  # (k, 2)
+
+
 # A scan that is drawn over the one shown.
 
 
@@ -202,6 +210,7 @@ class Shown:
     pair: ScanPair | None = None  # of these and the readings, whose differences are shown
     proposal: Proposal | None = None  # a change of the room that may be tried
     found_room: FoundDrawing | None = None  # of a search for the room
+    track: TrackDrawing | None = None  # of a robot
     notes: NoteTexts = NO_NOTES  # on readings, also on those after the position of a replay
     cursor: Cursor | None = None
     hidden: frozenset[Class | ViewLayer] = frozenset()  # classes and layers that no view draws

@@ -39,6 +39,7 @@ from sonarhw_gui.model.shown import (
     Proposal,
     ScanPair,
     Shown,
+    TrackDrawing,
     proposal_of,
     proposed_pose,
 )
@@ -48,6 +49,7 @@ from sonarhw_gui.widgets import PlainLabel, button, ignore_wheel_without_focus, 
 if TYPE_CHECKING:
     from sonarhw_compare.locate import Pose
     from sonarhw_compare.rooms.causes import Cause  # importing it takes a third of the start of the window
+    from sonarhw_compare.track import Track
 
 TRYING = "trying a cause"  # label of Undo
 _CAUSES_HINT = (
@@ -61,6 +63,10 @@ _FIND_HINT = (
 _ELSEWHERE = "These walls were found while another room was shown, so they are not drawn in this one."
 _KEY = "Rings in the plan: echoes that speak for the selected wall. Crosses: against it. Silence counts too."
 _ICON = 16  # pixels
+_TRACK_HINT = (
+    "Follows a robot through its log, by the steps of its odometry and by its sonar. The plan shows its way, and as "
+    "dots where else it may be."
+)
 _SCANS_HINT = "Add a log, or keep this scan and make another: both are drawn in the plan and in the ranges."
 
 
@@ -610,6 +616,46 @@ def _points(hypotheses: searches.Hypotheses, chosen: tuple[BoolArray, ...]) -> F
         ranges = np.array([reading.range for reading in readings], dtype=np.float64)
         parts.append(points_at(standpoints(scan.board, faced, headings), headings, ranges))
     return np.vstack(parts) if parts else NO_POINTS
+
+
+class TrackPanel(SearchPanel):
+    """Finds where a robot was, by its odometry and its sonar; the plan shows its way and the particles."""
+
+    def __init__(self, session: WindowSession) -> None:
+        super().__init__(session, session.tracking, "Track the robot")
+        self.everywhere = QtWidgets.QCheckBox("Start anywhere")
+        self.everywhere.setToolTip("The first pose is not known")
+        self.lines = PlainLabel(wordWrap=True)
+        self.note.setText(_TRACK_HINT)
+        self._update: int | None = None  # the one drawn
+        stacked(self, self.everywhere, self.begin, (self.progress, self.cancel), self.note, self.lines, None)
+        self._draw()
+
+    def show_state(self, shown: Shown) -> None:
+        """Draw the way up to the newest reading shown, which follows a replay."""
+        self._allow(self._is_ready and shown.poses is not None, "Needs a room and readings of a robot that moves")
+        track: Track | None = self._state.answer
+        if track is None or not shown.readings:
+            self._update = None
+            self._session.showing.draw_track(None)
+            return
+        ends = np.cumsum([len(headings) for headings, _ in track.readings]).astype(np.intp)
+        update = min(int(np.searchsorted(ends, len(shown.readings))), len(ends) - 1)
+        if update != self._update:
+            self._update = update
+            self._session.showing.draw_track(TrackDrawing(track.poses[: update + 1, :2], track.clouds[update]))
+
+    @Slot()
+    def _begin(self) -> None:
+        self._control.start(self.everywhere.isChecked())
+
+    def _draw(self) -> None:
+        track, self._update = self._state.answer, None
+        _show(track is None, self.note)
+        _show(track is not None, self.lines)
+        if track is not None:
+            self.lines.setText("\n".join([*track.lines(), *(f"⚠ {doubt}" for doubt in track.doubts)]))
+        self.show_state(self._shown)
 
 
 class ScansPanel(QtWidgets.QWidget):

@@ -23,7 +23,7 @@ from sonarhw.log import Log
 from sonarhw.readings import Origin
 from sonarhw_gui.jobs import files
 from sonarhw_gui.jobs.jobs import CLOSED_WITHIN, Jobs
-from sonarhw_gui.jobs.searches import RoomSearch, Search, find_pose, search_causes
+from sonarhw_gui.jobs.searches import RoomSearch, Search, find_pose, search_causes, track_robot
 from sonarhw_gui.model.edits import with_board
 from sonarhw_gui.model.look import Look
 from sonarhw_gui.model.scene import Scene, first_place, place_warning, room_name, scene_with
@@ -142,6 +142,7 @@ class WindowSession(QObject):
         self.files, self._followed = files.FileWatch(), files.FollowedLog()
         self.fitting = Search("fit", find_pose, lambda: self.shown, self.jobs, self)
         self.causes = Search("causes", search_causes, lambda: self.shown, self.jobs, self)
+        self.tracking = Search("track", track_robot, lambda: self.shown, self.jobs, self)
         self.scans = ScanList(lambda: self.shown, lambda: self.log_file, self.jobs, self)
         self.finding = RoomSearch(lambda: self.shown, lambda: Path(self.log_file).stem or "this scan", self.jobs, self)
         self.sound = SoundControl(self)
@@ -154,7 +155,7 @@ class WindowSession(QObject):
 
     def _connect(self) -> None:
         self.jobs.failed.connect(self.notices.fail)
-        for part in (self.fitting, self.causes, self.scans):
+        for part in (self.fitting, self.causes, self.tracking, self.scans):
             part.failed.connect(self.notices.fail)
         self.finding.failed.connect(partial(self.notices.fail, until="search changed"))
         self.finding.settled.connect(partial(self.notices.end, "search changed"))
@@ -318,6 +319,7 @@ class WindowSession(QObject):
         """
         self.fitting.cancel()
         self.causes.cancel()
+        self.tracking.cancel()
         self.showing.replace_scene(scene)
         self.kept.rooms.open(scene, source)
         self._update_status()
@@ -613,6 +615,7 @@ class WindowSession(QObject):
         self.jobs.cancel("check the readings")
         self.fitting.cancel()
         self.causes.cancel()
+        self.tracking.cancel()
         self.showing.drop_readings()
 
     @Slot()

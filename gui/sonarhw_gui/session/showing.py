@@ -32,6 +32,7 @@ from sonarhw_gui.model.shown import (
     ScanPair,
     Shown,
     SoundState,
+    TrackDrawing,
     is_same_question,
     overlaid,
 )
@@ -351,6 +352,13 @@ class ShownModel(QObject):
         """Draw the state of a search for the room; None: nothing."""
         if drawing is not self.shown.found_room:
             self.shown = replace(self.shown, found_room=drawing)
+            self._update_due = True
+
+    @Slot(object)
+    def draw_track(self, drawing: TrackDrawing | None) -> None:
+        """Draw where a robot was found; None: nothing."""
+        if drawing is not self.shown.track:
+            self.shown = replace(self.shown, track=drawing)
             self._update_due = True
 
     @Slot(object, object)

@@ -74,6 +74,7 @@ class PlanDrawing(base.Canvas):
         self.proposal = plan_layers.SurfaceLayer(self.plot, z=35, width=4, cross=18)
         self.overlays = OverlayMarks(self.plot)
         self.found_room = plan_layers.FoundLayer(self.plot)
+        self.track = plan_layers.TrackLayer(self.plot)
         self.gestures = gestures
         self.controller = PlanController(self, gestures)
         self._box.offer_drag = self.controller.drag
@@ -99,6 +100,7 @@ class PlanDrawing(base.Canvas):
         yield lambda new: (new.scene, new.cursor), self.sensor.draw_cursor
         yield _proposal_parts, self._draw_proposal
         yield lambda new: (new.found_room,), lambda new: self.found_room.draw(new.found_room)
+        yield lambda new: (new.track,), lambda new: self.track.draw(new.track)
         yield lambda new: (new.sound, new.look), self.sound.draw
         yield lambda new: (*marked_parts(new), new.chosen, new.look), self._draw_arrows
 
@@ -256,7 +258,7 @@ class PlanDrawing(base.Canvas):
         # wider tick values would change the size of the plan, and with it the visible range
         self.plot.getAxis("left").setWidth(metrics.horizontalAdvance(_WIDEST) + metrics.height() + 8)
         drawn = self.room, self.sensor, self.path, self.ruler, self.sound, self.proposal, self.found_room
-        for layer in (*drawn, self.overlays, self.outline, self.marks, self.arrows):
+        for layer in (*drawn, self.track, self.overlays, self.outline, self.marks, self.arrows):
             layer.set_look(look)
 
     def _draw_outline(self, shown: Shown) -> None:

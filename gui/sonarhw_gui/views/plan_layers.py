@@ -18,7 +18,7 @@ from sonarhw.errors import heading_text
 from sonarhw.readings import FloatArray
 from sonarhw_gui.model.look import Class, Look, ViewLayer
 from sonarhw_gui.model.scene import beam_wedge, bounce_labels, half_power_angle, surface_outlines, wall_lines
-from sonarhw_gui.model.shown import NO_POINTS, NOT_FOUND, FoundDrawing, Shown, chosen_path
+from sonarhw_gui.model.shown import NO_POINTS, NOT_FOUND, FoundDrawing, Shown, TrackDrawing, chosen_path
 from sonarhw_gui.model.theme import text_font
 from sonarhw_gui.views.base import PlotLayer, cosmetic_pen, with_gaps
 from sonarhw_gui.views.marks import Placed, PlotLine, Spots
@@ -475,6 +475,20 @@ class FoundLayer(SurfaceLayer):
         ends = walls.reshape(-1, 2)
         reach = _REACH * float(np.hypot(*np.ptp(ends, axis=0))) if len(ends) else 1.0
         _set(self.sectors, _sectors(place, reach))
+
+
+class TrackLayer(PlotLayer):
+    """The way of a robot by its sonar, and the particles of the last update: where else it may be."""
+
+    def __init__(self, plot: pg.PlotItem) -> None:
+        super().__init__(plot)
+        self.cloud = self._add(Spots(size=4, symbol="o"), 17, "paper", 0.5, brush="extra")
+        self.path = self._add(PlotLine(), 18, "extra", 2.5)
+
+    def draw(self, drawing: TrackDrawing | None) -> None:
+        """Draw a track; None: nothing."""
+        _set(self.path, _NOTHING if drawing is None else drawing.path)
+        _set(self.cloud, _NOTHING if drawing is None else drawing.cloud)
 
 
 def _set(item: PlotLine | Spots, points: FloatArray) -> None:

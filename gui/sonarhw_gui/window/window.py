@@ -16,7 +16,7 @@ from sonarhw_gui.model.theme import apply_look
 from sonarhw_gui.panels.device import DevicePanel
 from sonarhw_gui.panels.replay import ReplayBar, SoundBar
 from sonarhw_gui.panels.room import RoomPanel
-from sonarhw_gui.panels.searches import CausesPanel, FindPanel, FitPanel, ScansPanel
+from sonarhw_gui.panels.searches import CausesPanel, FindPanel, FitPanel, ScansPanel, TrackPanel
 from sonarhw_gui.session.session import Turns, WindowSession
 from sonarhw_gui.session.status import Status
 from sonarhw_gui.views.base import View
@@ -136,7 +136,7 @@ def _derived_name(stop: QtWidgets.QWidget) -> str:
     return above.accessibleName() or above.windowTitle() or type(above).__name__ if above is not None else ""
 
 
-_ANALYSES = ("Causes", "Fit", "Scans", "Find the room")  # docks of the menu Analyse; the others are in View
+_ANALYSES = ("Causes", "Fit", "Scans", "Find the room", "Track")  # docks of the menu Analyse; the others are in View
 _Connection = tuple[Any, Callable[..., object]]  # a signal and its slot
 _SIZE = QSize(1280, 800)
 _FRAME = QSize(16, 48)  # pixels, for the frame of the window
@@ -190,7 +190,7 @@ class MainWindow(QtWidgets.QMainWindow):
         self.layouts, self.slots = LayoutMenu(self, self.views), CommandSlots(session, self.saving.image, self)
         self.device, self.room = DevicePanel(self.commands, session.live), RoomPanel()
         self.fit_panel, self.causes, self.finding = FitPanel(session), CausesPanel(session), FindPanel(session)
-        self.scans = ScansPanel(session, self.files.add_scan)
+        self.scans, self.track = ScansPanel(session, self.files.add_scan), TrackPanel(session)
         self.banner, self.legend, self.hint = Banner(session.notices), Legend(), Hint()
         actions = self.commands.actions
         self.card = Card(
@@ -236,6 +236,7 @@ class MainWindow(QtWidgets.QMainWindow):
             ("Causes", "F11", "Find missing objects and other causes of misfits", self.causes),
             ("Scans", "F12", "Show several scans, and compare two", self.scans),
             ("Find the room", "Ctrl+M", "Find walls from scans, and the next place to scan", self.finding),
+            ("Track", "Ctrl+Shift+T", "Where a robot was, by its odometry and its sonar", self.track),
         ):
             self._add_dock(PanelDock(name, key, about, panel, panel.show_state, self.views))
         offer_view_menus(self.views.all, self.commands, self.session.showing)
