@@ -34,7 +34,7 @@ def numbered(paths: PartialPaths, followed: Followed, room: Room) -> PartialPath
     first[len(joined) : -1] = np.arange(len(base.posts)) + len(base.walls) + shift
     surfaces = np.where(paths.surfaces < 0, -1, first[paths.surfaces])
     several = np.array([len(rows) > 1 for rows in joined] + [False] * (len(base.posts) + 1))
-    row, touch = np.nonzero(several[paths.surfaces] & (paths.surfaces >= 0))
+    row, touch = np.nonzero(several[paths.surfaces]) if several.any() else np.empty((2, 0), np.intp)
     point = touch + 1 + ((paths.edges[row] >= 0) & (touch >= paths.bends[row]))
     for wall in np.unique(paths.surfaces[row, touch]).tolist():
         touches = np.flatnonzero(paths.surfaces[row, touch] == wall)
@@ -65,12 +65,16 @@ def past_clusters(paths: PartialPaths, followed: Followed, room: Room) -> Partia
     bent, own = bent[own >= 0], own[own >= 0]
     if not len(bent):
         return paths
-    radii = np.array([cluster.radius for cluster in followed.clusters])[own]
+    gains = paths.gains.copy()
     before, at, after = (paths.points[bent, paths.bends[bent] + step] for step in (0, 1, 2))
+    turns = _angles(at - before, after - at)
+    gains[bent] = 0.0
+    little = np.flatnonzero(turns < 2 * _LARGEST_TURN)
+    bent, turns = bent[little], turns[little]
+    radii = np.array([cluster.radius for cluster in followed.clusters])[own[little]]
     legs = np.hypot(*np.moveaxis(np.diff(paths.points[bent], axis=1), -1, 0))
     first = np.nansum(np.where(np.arange(legs.shape[1]) <= paths.bends[bent, None], legs, 0.0), axis=1)
-    turns, gains = _angles(at - before, after - at), paths.gains.copy()
-    gains[bent] *= passing_share(turns, radii, first, np.nansum(legs, axis=1) - first)
+    gains[bent] = paths.gains[bent] * passing_share(turns, radii, first, np.nansum(legs, axis=1) - first)
     return replace(paths, gains=gains).select(np.flatnonzero(gains > 0.0))
 
 
@@ -162,12 +166,13 @@ def _joined(
     if second is not first:
         points, both = np.concatenate((points, _sources(second, cluster))), pairs + np.array([0, len(first)])
     sound = small.sound(points, both)
-    factors = sound * _strengths(points[both], cluster, room)
-    kept = np.flatnonzero(legs * np.abs(factors) >= diffraction.faintest)
+    loud = np.flatnonzero(legs * np.abs(sound) >= diffraction.faintest)
+    factors = sound[loud] * _strengths(points[both[loud]], cluster, room)
+    kept = loud[still := legs[loud] * np.abs(factors) >= diffraction.faintest]
     # the delay is part of the length, and the phase is that of the wave
     delays = small.delays(points, both[kept], sound[kept])
     delays = np.clip(delays, -2 * cluster.radius, 2 * cluster.radius)
-    pairs, factors = pairs[kept], factors[kept]
+    pairs, factors = pairs[kept], factors[still]
     if second is first:
         # and their reverses
         back = np.flatnonzero(pairs[:, 0] != pairs[:, 1])
