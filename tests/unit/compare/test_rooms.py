@@ -286,6 +286,7 @@ def test_the_file_of_a_found_room_names_each_place_and_how_certain_it_is() -> No
         scans=tuple(PlacedScan((), at, "scan", f"{folder}/scan.mcap") for at, folder in zip(places, "ab", strict=True)),
         poses={"b/scan.mcap": poses},
         left_out=("c/other.mcap",),
+        unconfirmed=RoomDraft((), {1: wall}, (DraftPost((3.0, 1.0), 0.1),)),
     )
     named = {name: place.position for name, place in found_room(found, BOARD).places.items()}
     assert named == {"scan": (1.0, 0.5), "scan-2": (2.0, 0.7)}
@@ -294,6 +295,8 @@ def test_the_file_of_a_found_room_names_each_place_and_how_certain_it_is() -> No
     assert "position = [1.0, 0.5]\nheading_deg = 0.0\n" in text  # exact
     assert "# Possible poses of b/scan.mcap: 64.0% at 2.000, 0.700 m, turntable step 0 at 9.7°; 36.0% at 1.0" in text
     assert "# Left out, because its pose was not found: c/other.mcap\n" in text
+    removed = "(0.50, 2.00) to (2.50, 2.00); a post at (3.00, 1.00)"
+    assert f"# Left out, because no two places confirm them (m): {removed}.\n" in text
     assert tomlkit.parse(text)["name"] == "Found room"
     (post,) = found_room_figures(found)["posts"]
     assert (post["center_m"], post["center_sd_m"], post["radius_sd_m"]) == ([0.5, 1.0], [0.003, 0.004], 0.005)
