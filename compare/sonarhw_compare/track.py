@@ -230,8 +230,7 @@ class Tracker:
     """A particle filter: the pose of a robot in a known room, from odometry and sonar. Results repeat with a seed."""
 
     _FEWER = 0.5  # share of effective particles below which they are drawn again
-    _LEAST_TURN, _LEAST_STEP = math.radians(0.5), 0.003  # deviations of each update, rad and m
-    _ALIKE = 2.0  # readings per independent one: neighbours share the errors of the model
+    _LEAST_TURN, _LEAST_STEP = math.radians(0.4), 0.002  # deviations of each update, rad and m
     _LOST = -0.5  # mean log-likelihood per reading of the best particle; that of a fitting one is 1 to 2
     _FORGET = 0.3  # share of the newest update in the mean of fits
     _SEARCHING = 10  # times as many particles are drawn anywhere, at a start anywhere and while the robot is lost
@@ -313,7 +312,7 @@ class Tracker:
         if len(angles):
             logs = self._likelihood(self._particles, angles, echoes)
             self._judge(logs, len(angles))
-            self._logs = self._logs + logs / self._ALIKE
+            self._logs = self._logs + logs
         tracked = self._tracked()
         if tracked.lost and len(angles):
             self._search(angles, echoes)
@@ -324,7 +323,7 @@ class Tracker:
     def _search(self, angles: FloatArray, echoes: FloatArray) -> None:
         """Add particles anywhere, and weigh all by the newest readings alone."""
         self._particles = np.vstack((self._particles, self._anywhere(self._SEARCHING * self._count)))
-        self._logs = self._likelihood(self._particles, angles, echoes) / self._ALIKE
+        self._logs = self._likelihood(self._particles, angles, echoes)
 
     def _move(self, step: FloatArray) -> None:
         ahead, left, turn = step.tolist()

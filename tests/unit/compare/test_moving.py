@@ -186,9 +186,9 @@ def test_a_robot_that_was_carried_away_is_lost_and_found_again() -> None:
     tracked = sonarhw.track(scan, cut, "lego-nxt", (0.35, 0.4, 0.0), particles=800, seed=1)
     errors = np.hypot(*(tracked.poses - poses)[:, :2].T)
     assert tracked.located[:6].all()
-    assert not tracked.located[10:12].any()
+    assert not tracked.located[10]  # soon after it was carried
     assert tracked.located[-1]
-    assert errors[-1] < 0.05
+    assert errors[10:][tracked.located[10:]].max() < 0.05
     text = "\n".join(tracked.lines())
     assert re.search(r"lost at .*\nlocated at ", text)
 
