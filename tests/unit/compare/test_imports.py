@@ -114,7 +114,7 @@ def test_a_clockwise_angle_is_turned_once_and_the_user_overrules_its_name(
         ({"topic": "/sonar"}, "topic=/sonar: only for ROS bags; scan.csv has the format text of a device"),
         ({"threshold": 2.0}, "threshold=2: expected a share"),
         ({"scale": math.nan}, "scale=nan: expected a number above 0"),
-        ({"unit": "yd"}, "unit=yd: expected m, cm"),
+        ({"unit": "mi"}, "unit=mi: expected m, cm"),
     ],
 )
 def test_options_that_do_not_fit_are_refused(tmp_path: Path, stated: dict[str, Any], message: str) -> None:
