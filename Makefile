@@ -123,12 +123,12 @@ window-tests:
 		status=$$?; cat build/window-tests.txt; exit $$status
 
 other-tests:
-	$(IN_XVFB) $(BIN)/pytest $(WITHOUT_WINDOW) --slowest 10 $(AT_ONCE) --numprocesses 4
+	$(IN_XVFB) $(BIN)/pytest $(WITHOUT_WINDOW) --slowest 10 $(AT_ONCE) --numprocesses 3
 
 # the tests without windows once more; fails if they execute less than 90 %. Python code runs at half its speed meanwhile
 coverage: tools firmware
 	setup/debian_packages.sh test
-	$(IN_XVFB) $(BIN)/pytest $(WITHOUT_WINDOW) $(AT_ONCE) --numprocesses 4 --cov
+	$(IN_XVFB) $(BIN)/pytest $(WITHOUT_WINDOW) $(AT_ONCE) --numprocesses 3 --cov
 
 # long tests and benchmarks; takes some hours
 soak: tools firmware
