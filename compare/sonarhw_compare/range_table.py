@@ -16,10 +16,20 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sonarhw_sim.air import DEFAULT_BOARD
-from sonarhw_sim.board.profile import ON_AXIS, Board, load_board
+from sonarhw_sim.board.profile import ON_AXIS, Board
 from sonarhw_sim.compiled import compiled, rows_in_parts
-from sonarhw_sim.predict.batch import POSES, angles_of, predict_ranges, sensors_of
-from sonarhw_sim.room.room import Room, load_room
+from sonarhw_sim.predict.batch import (
+    BOARD,
+    POSES,
+    ROOM,
+    Sensors,
+    angles_of,
+    loaded_board,
+    loaded_room,
+    predict_ranges,
+    sensors_of,
+)
+from sonarhw_sim.room.room import Room
 
 from sonarhw import arguments
 from sonarhw.errors import InputError
@@ -65,10 +75,7 @@ class RangeTable:
         rows = arguments.rows("poses", poses, (2, 3), POSES)
         turns = arguments.in_radians("poses", rows[:, 2], degrees) if rows.shape[1] == 3 else np.zeros(len(rows))
         angles = angles_of(headings, self.board, degrees)
-        sensors = sensors_of(self.room, self.board, angles)
-        if sensors is None or sensors.receivers is not None:
-            raise InputError(_SENSORS.format(self.board.name))
-        senders, _, aims = sensors.at(np.column_stack((rows[:, :2], turns)))
+        senders, _, aims = _single(self.room, self.board, angles).at(np.column_stack((rows[:, :2], turns)))
         return self.board.reported(self._distances(senders, aims)).reshape(len(rows), len(angles))
 
     def _distances(self, positions: FloatArray, headings: FloatArray) -> FloatArray:
@@ -95,12 +102,19 @@ class RangeTable:
             )
 
 
-_SENSORS = "board {!r}: expected sensors that hear only their own pings; a table has one sensor by itself"
+def _single(room: Room, board: Board, angles: FloatArray) -> Sensors:
+    """Return the sensors at turntable angles (m,) rad. Raises InputError if they hear the pings of others."""
+    sensors = sensors_of(room, board, angles)
+    if sensors is None or sensors.receivers is not None:
+        raise InputError(
+            f"board {board.name!r}: expected sensors that hear only their own pings; a table has one sensor by itself"
+        )
+    return sensors
 
 
 @arguments.checked(
-    room=arguments.instance((Room, Path, str), "a room, its name or its file; `room_from_arrays` makes one of arrays"),
-    board=arguments.instance((Board, Path, str), "a board, its name or its file"),
+    room=ROOM,
+    board=BOARD,
     spacing=arguments.number(0.005, 1.0, "m"),
     step=arguments.number(math.radians(0.1), math.radians(30.0), "rad"),
     progress=arguments.function,
@@ -120,10 +134,8 @@ def range_table(
     its error: the share of readings at random poses that are within 5 mm of `predict_ranges`. Raises InputError if a
     sensor hears the pings of others or has a separate receiver, and for a table of over 500 million entries.
     """
-    room = room if isinstance(room, Room) else load_room(room)
-    board = board if isinstance(board, Board) else load_board(board)
-    if not _is_alone(room, board):
-        raise InputError(_SENSORS.format(board.name))
+    room, board = loaded_room(room), loaded_board(board)
+    _single(room, board, np.zeros(1) if board.ring is None else angles_of(None, board, False))
     space = find_free_space(room, spacing)
     steps = max(1, round(math.tau / step))
     headings = np.linspace(0.0, math.tau, steps, endpoint=False)
@@ -142,12 +154,6 @@ def range_table(
     return table
 
 
-def _is_alone(room: Room, board: Board) -> bool:
-    angles = np.zeros(1) if board.ring is None else angles_of(None, board, False)
-    sensors = sensors_of(room, board, angles)
-    return sensors is not None and sensors.receivers is None
-
-
 def _computed(
     room: Room, board: Board, space: FreeSpace, headings: FloatArray, progress: Callable[[float], None]
 ) -> NDArray[np.float32]:
@@ -156,11 +162,11 @@ def _computed(
     bare = replace(board, mount=ON_AXIS, ring=None, axis_x=0.0, axis_y=0.0, turntable_scale=1.0, home_angle_deg=0.0)
     bare = replace(bare, range_offset=0.0, clock_error=0.0, rounding=0.0, own_body=())
     distances = np.full((*space.free.shape, len(headings)), _NOT_COMPUTED, np.float32)
-    rows, columns = np.nonzero(space.free)
+    middles, (rows, columns) = space.middles, np.nonzero(space.free)
     for begin in range(0, len(rows), _AT_ONCE):
         progress(begin / len(rows))
         some = slice(begin, begin + _AT_ONCE)
-        distances[rows[some], columns[some]] = predict_ranges(room, space.middles[some], headings, bare)
+        distances[rows[some], columns[some]] = predict_ranges(room, middles[some], headings, bare)
     return distances
 
 
@@ -229,21 +235,20 @@ def _digest(room: Room, board: Board) -> str:
     for part in (room.walls, room.posts, room.reflectances, room.scattered, room.heights):
         digest.update(np.ascontiguousarray(part).tobytes() + b"|")
     numbers = [getattr(board, field.name) for field in fields(board) if field.name != "text"]
-    digest.update(repr((room.air, *numbers)).encode())
+    digest.update(repr((room.air, room.tables, *numbers)).encode())
     return digest.hexdigest()
 
 
 @arguments.checked(
     file=arguments.file_name,
-    room=arguments.instance((Room, Path, str), "a room, its name or its file"),
-    board=arguments.instance((Board, Path, str), "a board, its name or its file"),
+    room=ROOM,
+    board=BOARD,
 )
 def load_range_table(
     file: Path | str, room: Room | Path | str, board: Board | Path | str = DEFAULT_BOARD
 ) -> RangeTable:
     """Return the table that `RangeTable.save` wrote. Raises InputError if it is of another room or board."""
-    room = room if isinstance(room, Room) else load_room(room)
-    board = board if isinstance(board, Board) else load_board(board)
+    room, board = loaded_room(room), loaded_board(board)
     path = Path(file)
     try:
         with open_input(path, _MOST_BYTES) as stream, np.load(stream, allow_pickle=False) as parts:

@@ -13,11 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sonarhw_sim.air import DEFAULT_BOARD, Model, Receiver
-from sonarhw_sim.board.profile import Board, Mount, load_board
+from sonarhw_sim.board.profile import Board, Mount
+from sonarhw_sim.predict.batch import BOARD, ROOM, loaded_board, loaded_room
 from sonarhw_sim.predict.prediction import CONE_HALF_ANGLE, SPREAD, SPREAD_BY_RANGE, PredictionOptions
 from sonarhw_sim.rays.fan import distances_ahead
 from sonarhw_sim.rays.paths import RAYS
-from sonarhw_sim.room.room import Place, Room, load_room, place_at, warn_of_poses
+from sonarhw_sim.room.room import Place, Room, place_at, warn_of_poses
 
 from sonarhw import arguments
 from sonarhw.errors import InputError, counted, counted_are, heading_text, in_degrees
@@ -36,13 +37,11 @@ _AT_ONCE = 512  # cells
 _FAR = 7.0  # standard deviations of a range
 _LONGER = 1.3  # ratio of two lengths up to which paths are searched
 _RAYS = RAYS // 4  # of a search: a particle filter needs no faint paths through narrow gaps
-_ROOM = arguments.instance((Room, Path, str), "a room, its name or its file; `room_from_arrays` makes one of arrays")
-_BOARD = arguments.instance((Board, Path, str), "a board, its name or its file")
 
 
 @arguments.checked(
-    room=_ROOM,
-    board=_BOARD,
+    room=ROOM,
+    board=BOARD,
     degrees=arguments.flag,
     cell=arguments.number(0, 1, "m"),
     receiver=arguments.choice(Receiver, or_none=True),
@@ -71,20 +70,12 @@ def log_likelihood(
     values for 16 readings are then off by less than 0.1 for cells of 2 cm, 0.2 for 5 cm, and 0.5 for 10 cm. Raises
     InputError.
     """
-    likelihood = PoseLikelihood(_room(room), _board(board), cell, receiver)
+    likelihood = PoseLikelihood(loaded_room(room), loaded_board(board), cell, receiver)
     rows = arguments.rows("poses", poses, (3,), "x and y in metres and a heading in radians")
     turns = arguments.in_radians("poses", rows[:, 2], degrees)
     warn_of_poses("poses", likelihood.room, rows[:, :2])
     angles = arguments.in_radians("headings", arguments.angles("headings", headings), degrees)
     return likelihood(np.column_stack((rows[:, :2], turns)), angles, echoes_of(ranges, len(angles))[:, 0, 0])
-
-
-def _room(room: Room | Path | str) -> Room:
-    return room if isinstance(room, Room) else load_room(room)
-
-
-def _board(board: Board | Path | str) -> Board:
-    return board if isinstance(board, Board) else load_board(board)
 
 
 class PoseLikelihood:
@@ -256,8 +247,8 @@ class Tracker:
         `nearest`. `cell` (m) is the side of the cells that share a search of paths. With a `table` of this room and
         board, ranges are looked up instead, which is many times faster and knows nothing of levels. Raises InputError.
         """
-        self._room = _room(_ROOM("room", room))
-        self._board = _board(_BOARD("board", board))
+        self._room = loaded_room(ROOM("room", room))
+        self._board = loaded_board(BOARD("board", board))
         self._random = np.random.default_rng(arguments.whole(0)("seed", seed))
         self._drift = _pair("drift", drift)
         self._count = arguments.whole(1, 1_000_000)("particles", particles)

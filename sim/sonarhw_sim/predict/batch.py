@@ -58,9 +58,23 @@ _AT_ONCE = 4096  # poses, so that memory does not grow with their number
 POSES = "x and y in metres and a heading in radians"
 
 
+ROOM = arguments.instance((Room, Path, str), "a room, its name or its file; `room_from_arrays` makes one of arrays")
+BOARD = arguments.instance((Board, Path, str), "a board, its name or its file")
+
+
+def loaded_room(room: Room | Path | str) -> Room:
+    """Return a room that is given as such, or by its name or file. Raises InputError."""
+    return room if isinstance(room, Room) else load_room(room)
+
+
+def loaded_board(board: Board | Path | str) -> Board:
+    """Return a board that is given as such, or by its name or file. Raises InputError."""
+    return board if isinstance(board, Board) else load_board(board)
+
+
 @arguments.checked(
-    room=arguments.instance((Room, Path, str), "a room, its name or its file; `room_from_arrays` makes one of arrays"),
-    board=arguments.instance((Board, Path, str), "a board, its name or its file"),
+    room=ROOM,
+    board=BOARD,
     levels=arguments.flag,
     degrees=arguments.flag,
     height=arguments.number(unit="m"),
@@ -89,8 +103,7 @@ def predict_ranges(
     own receiver, 0.2 % differ, some by a few millimetres. From a pose inside a post, there is no echo. Raises
     InputError. Warns if most poses are beyond the walls.
     """
-    room = room if isinstance(room, Room) else load_room(room)
-    profile = board if isinstance(board, Board) else load_board(board)
+    room, profile = loaded_room(room), loaded_board(board)
     rows = arguments.rows("poses", poses, (2, 3), POSES)
     if (np.abs(rows[:, :2]) > MAX_COORDINATE).any():
         raise InputError(f"poses: expected x and y in metres, none over {MAX_COORDINATE:g}")
