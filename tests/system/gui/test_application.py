@@ -187,12 +187,13 @@ def range_texts(log: Log) -> dict[float, str]:
     }
 
 
-def click_selects_the_reading(program: Outside) -> bool:
-    """Return whether the sentence has the direction from the sensor to the clicked reading."""
+def clicked_reading(program: Outside) -> tuple[float, str] | None:
+    """Return heading and range of the sentence if it has the direction from the sensor to the clicked reading."""
     (x, y), (mark_x, mark_y) = program.sensor(), program.readings(LIGHT.measured)[0]
     program.click((mark_x, mark_y))
     towards = math.degrees(math.atan2(y - mark_y, mark_x - x))
-    return abs((shown_reading(program)[0] - towards + 180) % 360 - 180) < 2
+    heading, distance = shown_reading(program)
+    return (heading, distance) if abs((heading - towards + 180) % 360 - 180) < 2 else None
 
 
 @pytest.mark.usefixtures("qapp")
@@ -218,8 +219,7 @@ def test_scan_select_drag_undo_close_during_a_scan_and_restore(tmp_path: Path) -
         program.key("F6")
         ranges = range_texts(awaited(lambda: closed(recording), "the end of the recording"))
 
-        awaited(lambda: click_selects_the_reading(program), "the sentence of the clicked reading")
-        heading, distance = shown_reading(program)
+        heading, distance = awaited(lambda: clicked_reading(program), "the sentence of the clicked reading")
         assert ranges[heading] == distance
 
         x, y = program.sensor()
