@@ -32,7 +32,7 @@ from sonarhw.text.layouts import Layout, layout_of
 from sonarhw.text.numbers import Printed
 from sonarhw.text.proposals import NAMED_CLOCKWISE, LayoutProposal, TextTable, propose, text_table
 from sonarhw.text.tables import ColumnNames, Columns, column_names, columns_of, json_records
-from sonarhw.text.words import ANGLE_UNITS, RANGE_UNITS
+from sonarhw.text.words import ANGLE_UNITS, RANGE_UNITS, plain_text
 from sonarhw.wire.messages import MOST_DEGREES
 from sonarhw_compare.foreign_bags import json_messages
 from sonarhw_compare.foreign_rows import LONGEST, MOST_READINGS, ForeignRow, Meaning, readings_of
@@ -111,10 +111,10 @@ class ImportOptions:
     def known(self) -> Layout:
         """What is known of the text without a preset or pattern. Raises InputError."""
         known = layout_of(self._keys(preset="csv"))
-        pose = tuple(filter(None, (self.x, self.y, self.yaw)))
-        if not (self.heading or self.range or self.time or pose):
+        heading, reach, when, *pose = map(plain_text, (self.heading, self.range, self.time, self.x, self.y, self.yaw))
+        if not (heading or reach or when or any(pose)):
             return replace(known, scale=self.scale)
-        names = ColumnNames(self.heading, self.range, self.time, pose, self.decimal_comma)
+        names = ColumnNames(heading, reach, when, tuple(filter(None, pose)), self.decimal_comma)
         return replace(known, scale=self.scale, columns=names)
 
     def _keys(self, **layout: str) -> dict[str, str]:
@@ -423,7 +423,7 @@ def as_long_text(where: str, data: bytes, step: float) -> tuple[bytes, str]:
 
 
 def _decoded_text(data: bytes) -> str:
-    return data.decode(encoding_of(data) or "utf-8", "replace").lstrip("\ufeff")
+    return plain_text(data.decode(encoding_of(data) or "utf-8", "replace"))
 
 
 def _is_wide(head: str, separator: str) -> bool:

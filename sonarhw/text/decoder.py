@@ -9,6 +9,7 @@ from statistics import median
 from sonarhw.text.layouts import BinaryFrame, Layout
 from sonarhw.text.numbers import HEADER, PART, LineFormat, Printed, Units
 from sonarhw.text.patterns import MatchingProcess
+from sonarhw.text.words import plain_text
 
 MOST_LINE = 65_536  # bytes; more without the end of a line are noise
 MOST_PAUSE = 1.25  # s within a line: longer than the 1 s that pulseIn() waits for an echo, shorter than a bootloader
@@ -249,19 +250,19 @@ def without_stamp(line: str) -> str:
 
 def utf16_of(start: bytes) -> str | None:
     """Return which UTF-16 the first bytes are, by a byte order mark or the zeros of ASCII; None for other text."""
-    if start[:2] == b"\xff\xfe" and start[3:4] == b"\0" and start[2:4] != b"\0\0":
-        return "utf-16-le"
-    if start[:2] == b"\xfe\xff" and start[2:3] == b"\0" and start[2:4] != b"\0\0":
-        return "utf-16-be"
-    if len(start) < 2 * _WITHOUT_MARK:
+    if marked := _BYTE_ORDERS.get(start[:2]):
+        text = plain_text(start[2 : 2 * _LOOKED_AT].decode(marked, "replace"))
+        return marked if text and all(char.isprintable() or char in "\t\r\n" for char in text) else None
+    if len(start) < 2 * _LOOKED_AT:
         return None
-    even, odd = start[: 2 * _WITHOUT_MARK : 2], start[1 : 2 * _WITHOUT_MARK : 2]
+    even, odd = start[: 2 * _LOOKED_AT : 2], start[1 : 2 * _LOOKED_AT : 2]
     if not any(odd) and _ASCII.fullmatch(even):
         return "utf-16-le"
     return "utf-16-be" if not any(even) and _ASCII.fullmatch(odd) else None
 
 
-_WITHOUT_MARK = 16  # characters of ASCII that show UTF-16 without its mark
+_BYTE_ORDERS = {b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
+_LOOKED_AT = 16  # characters; if they are of ASCII, UTF-16 needs no mark
 _ASCII = re.compile(rb"[\t\r\n -~]+")
 
 
@@ -270,6 +271,7 @@ _SPACES = " \r\n\v\f"
 _CONTROL = re.compile(rb"[\0-\x08\x0e-\x1f]")
 _MOST_FOREIGN = 0.25  # share of bytes above 127 in a text in cp1252
 _FEWEST_FOREIGN = 5  # bytes of a line in cp1252; fewer are noise
+_BESIDE_NUMBERS = "\u00a0°".encode("cp1252")  # common also in short lines
 
 
 def text_of(raw: bytes) -> tuple[str | None, str]:
@@ -281,7 +283,7 @@ def text_of(raw: bytes) -> tuple[str | None, str]:
     encoding = encoding_of(raw, line=True)
     if encoding is None:
         return None, "utf-8"
-    line = raw.decode(encoding, "replace").replace("\ufeff", "").lstrip().rstrip(_SPACES)
+    line = plain_text(raw.decode(encoding, "replace")).lstrip().rstrip(_SPACES)
     plain = line.replace("\t", " ").replace("\r", " ").replace("\n", " ")
     return (line, encoding) if plain.isprintable() and "\ufffd" not in line else (None, "utf-8")
 
@@ -296,7 +298,7 @@ def encoding_of(data: bytes, line: bool = False) -> str | None:
     try:
         codecs.getincrementaldecoder("utf-8")().decode(data, final=line)
     except UnicodeDecodeError:
-        foreign = sum(byte > 127 for byte in data)
+        foreign = sum(byte > 127 and byte not in _BESIDE_NUMBERS for byte in data)
         is_text = foreign <= max(1, _MOST_FOREIGN * len(data)) and not _CONTROL.search(data)
-        return "cp1252" if is_text and len(data) >= _FEWEST_FOREIGN else None
+        return "cp1252" if is_text and (not foreign or len(data) >= _FEWEST_FOREIGN) else None
     return "utf-8"

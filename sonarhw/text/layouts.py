@@ -9,7 +9,7 @@ from sonarhw.errors import InputError
 from sonarhw.text.numbers import LINE_ENDS, LineFormat, Read, Units, ends_of
 from sonarhw.text.patterns import FIELD, MatchingProcess, check_regex, parse_template, regex_format, template_format
 from sonarhw.text.tables import ColumnNames, csv_format, json_format
-from sonarhw.text.words import ANGLE_UNITS, RANGE_UNITS, STEP
+from sonarhw.text.words import ANGLE_UNITS, RANGE_UNITS, STEP, plain_text
 
 _RADAR = re.compile(r"(?P<heading_deg>-?\d{1,3})[,*](?P<range>-?\d{1,5})", re.ASCII)
 _RADAR_ENDS = re.compile(rb"[.#\0]")
@@ -200,7 +200,7 @@ def layout_of(values: Mapping[str, str]) -> Layout:
     """Return the layout that the keys of a URL, or the options of an import, state. Raises InputError."""
     layout = Layout(
         preset=values.get("preset", ""),
-        pattern=values.get("pattern", ""),
+        pattern=plain_text(values.get("pattern", "")),
         unit=one_of("unit", values["unit"], tuple(RANGE_UNITS)) if "unit" in values else None,
         angle=one_of("angle", values["angle"], (*ANGLE_UNITS, STEP)) if "angle" in values else None,
         no_echo=_numbers("no_echo", values["no_echo"]) if "no_echo" in values else None,

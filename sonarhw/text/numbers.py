@@ -92,12 +92,12 @@ def _range_value(text: str | None, unit: str | None) -> float | None:
 
 
 _ONE_GROUP = re.compile(r"[1-9]\d{0,2}[.,]\d{3}", re.ASCII)
-_MARKS = ((",", r"\."), (r"\.", ","), ("['’\u00a0\u202f]", "[.,]"))  # of thousands and decimals
+_MARKS = ((",", r"\."), (r"\.", ","), ("['’]", "[.,]"))  # of thousands and decimals
 GROUPS_TEXT = "|".join(rf"[1-9]\d{{0,2}}(?:{mark}\d{{3}})+(?:{point}\d+)?" for mark, point in _MARKS)
 # thousands: 1,234.5 and 1.234,5 and 1,234,567 and 1 234 and 1'234
 _GROUPED = re.compile(
     r"[+-]?(?:[1-9]\d{0,2}(?:,\d{3})+\.\d+|[1-9]\d{0,2}(?:\.\d{3})+,\d+|[1-9]\d{0,2}([.,])\d{3}(?:\1\d{3})+"
-    r"|[1-9]\d{0,2}(?:[ '’\u00a0\u202f]\d{3})+(?:[.,]\d+)?)",
+    r"|[1-9]\d{0,2}(?:[ '’]\d{3})+(?:[.,]\d+)?)",
     re.ASCII,
 )
 

@@ -129,6 +129,32 @@ NO_ECHO = (
 )
 
 
+class _PlainCharacters(dict[int, str]):
+    """What stands for a character of another script."""
+
+    def __missing__(self, code: int) -> str:
+        character = chr(code)
+        category = unicodedata.category(character)
+        plain = character
+        if category[0] == "Z":
+            plain = " "
+        elif category == "Cf":  # invisible, such as marks of the direction of writing
+            plain = ""
+        elif category == "Nd":
+            plain = str(unicodedata.decimal(character))
+        elif 0xFF01 <= code <= 0xFF5E:  # as wide as a Chinese character
+            plain = chr(code - 0xFEE0)
+        return self.setdefault(code, plain)
+
+
+_PLAIN = _PlainCharacters({ord("\u2212"): "-", ord("\u066b"): ".", ord("\u066c"): ",", ord("\u060c"): ","})
+
+
+def plain_text(text: str) -> str:
+    """Return a text with the spaces, digits and marks of ASCII in place of those of other scripts."""
+    return text if text.isascii() else text.translate(_PLAIN)
+
+
 def folded(text: str) -> str:
     """Return a text in lower case without accents."""
     plain = unicodedata.normalize("NFKD", text.translate(_LETTERS))

@@ -2,6 +2,7 @@
 
 import random
 import tracemalloc
+from itertools import product
 
 import pytest
 from hypothesis import given
@@ -16,7 +17,8 @@ from sonarhw.text.decoder import (
     LineDecoder,
     make_decoder,
 )
-from sonarhw.text.layouts import PRESETS, Layout
+from sonarhw.text.layouts import PRESETS, Layout, layout_of
+from sonarhw.text.proposals import propose
 
 
 def decoder(preset: str = "arduino-radar") -> LineDecoder:
@@ -102,3 +104,25 @@ def test_any_bytes_give_only_possible_readings(preset: str, pieces: list[bytes])
             assert line.heading is None or abs(line.heading) <= 720
             assert line.scale is None or all(0 < distance <= 700 for distance in line.ranges)
         one.idle(0.3)
+
+
+SPACES = "\u00a0\u2003\u2009\u202f\u3000"
+
+
+@pytest.mark.parametrize(
+    ("encoding", "space"), [("cp1252", "\u00a0"), *product(("utf-8", "utf-16", "utf-16-be"), SPACES)]
+)
+@pytest.mark.parametrize("line", ["{a}_{r}", "_Angle:_{a}_°_Distance:_{r}_cm", '{{"angle":_{a},_"range_cm":_{r}}}'])
+def test_spaces_of_other_scripts_are_spaces(encoding: str, space: str, line: str) -> None:
+    lines = [line.replace("_", space).format(a=angle, r=20 + 37 * angle % 150) for angle in range(0, 360, 5)]
+    text = "\ufeff" * (encoding == "utf-16-be") + "\n".join(lines)
+    proposal = propose(text.encode(encoding), begins_whole=True)
+    assert angles(proposal.readings) == [*range(0, 360, 5)]
+    live = make_decoder(proposal.layout).feed(f"\n{text}\n".encode("utf-8" if "16" in encoding else encoding))
+    assert len(live) >= len(lines) - 1
+
+
+def test_digits_and_marks_of_other_scripts_are_those_of_ascii() -> None:
+    one = make_decoder(layout_of({"pattern": "角度：{deg} 距离：{cm}"}))
+    decoded = one.feed("\n角度：\u2212９０ 距离：۲۳٫۵\u200e\n".encode())
+    assert [(one.heading, one.numbers) for one in decoded] == [(-90, (23.5,))]
