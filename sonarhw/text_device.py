@@ -4,8 +4,9 @@ import math
 import re
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
+from itertools import product
 from urllib.parse import unquote
 
 from sonarhw.errors import InputError
@@ -111,15 +112,31 @@ class LineGuess:
     @property
     def url(self) -> str | None:
         """The URL to scan with, also if a question is open; None if no readings were recognised."""
+        return self._url_with(()) if self.proposal.layout else None
+
+    @property
+    def answered_urls(self) -> tuple[str, ...]:
+        """The URL with each answer to the questions; empty if one has none, or no readings were recognised."""
+        answers = product(*(question.answers for question in self.proposal.questions))
+        return tuple(map(self._url_with, answers)) if self.proposal.layout else ()
+
+    def _url_with(self, answers: Iterable[Mapping[str, str]]) -> str:
         layout = self.proposal.layout
-        if layout is None:
-            return None
-        kind = f"preset={layout.preset}" if layout.preset else f"pattern={_quoted(layout.pattern)}"
-        url = f"{SCHEME}:{self.port}?baud={self.baud}&{kind}"
-        keys = {"unit": layout.unit, "angle": layout.angle, "ends": _quoted(layout.ends) or None}
-        url += "".join(f"&{key}={value}" for key, value in keys.items() if value)
-        url += f"&step={layout.step:g}" if layout.step is not None else ""
-        return f"{url}&turn=cw" if self.proposal.clockwise and not layout.turns_itself else url
+        assert layout is not None
+        turns = self.proposal.clockwise and not layout.turns_itself
+        keys = {
+            "preset": layout.preset,
+            "pattern": layout.pattern,
+            "unit": layout.unit,
+            "angle": layout.angle,
+            "ends": layout.ends,
+            "step": "" if layout.step is None else f"{layout.step:g}",
+            "turn": "cw" if turns else "",
+        }
+        for answer in answers:
+            keys |= answer
+        query = "".join(f"&{key}={_quoted(value)}" for key, value in keys.items() if value)
+        return f"{SCHEME}:{self.port}?baud={self.baud}{query}"
 
     @property
     def text(self) -> str:
@@ -299,7 +316,7 @@ class TextDevice(DevicePlugin):
         by_text = names and layout.preset in ("csv", "jsonl", "angle-distance") and not self._unit.notes
         stated = (f"range in {UNIT_NAMES[names[0]]}: as the text states",) if by_text else ()
         named = layout.preset == "jsonl" or self._decoder.has_header
-        angle = (angle_question(self._heard, named=named) or DEGREES_ASSUMED,) if self._heard else ()
+        angle = (str(angle_question(self._heard, named=named) or DEGREES_ASSUMED),) if self._heard else ()
         return (*stated, *self._unit.notes, *angle, *self._order_notes())
 
     def _order_notes(self) -> tuple[str, ...]:

@@ -1,13 +1,13 @@
 """Commands for one scanner: move, ask, fake or replay it, find its port, check its wiring, and flash its firmware."""
 
 import math
-import re
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from enum import StrEnum
+from itertools import chain, repeat
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
@@ -362,18 +362,17 @@ def ports(
             )
             for fact in listed[-1].get("evidence") or ():
                 options.print_line(f"    {fact}")
-            if url := listed[-1].get("proposed_url"):
-                _print_next(url, listed[-1]["undecided"])
+            if guess:
+                _print_next(listed[-1])
     if as_json:
         options.print_json({"ports": listed})
 
 
-def _print_next(url: str, undecided: list[str]) -> None:
-    """Print the command that scans at a proposed URL, with the first answer to each question."""
-    answers = [match[1] for question in undecided if (match := re.search(r"add ((?:unit|angle|step)=\w+)", question))]
-    if len(answers) == len(undecided):
-        command = f"sonarhw scan '{'&'.join((url, *answers))}' --out scan.mcap"
-        options.print_note(f"next, with your answer: {command}" if answers else f"next: {command}")
+def _print_next(guessed: dict[str, Any]) -> None:
+    """Print the command that scans at a proposed URL, with each answer to what is undecided."""
+    first = "next, with your answer" if guessed["undecided"] else "next"
+    for label, url in zip(chain([first], repeat("or")), guessed["answered_urls"], strict=False):
+        options.print_note(f"{label}: sonarhw scan '{url}' --out scan.mcap")
 
 
 def _described_port(port: "Port") -> dict[str, Any]:
@@ -399,29 +398,25 @@ def _probed(port: "Port", wanted: bool) -> dict[str, Any]:
 def _guessed(port: "Port", wanted: bool) -> dict[str, Any]:
     """Return what the device at a port prints; None if it was not checked."""
     from sonarhw.errors import LinkError
-    from sonarhw.text_device import guess_lines
+    from sonarhw.text_device import LineGuess, guess_lines
 
-    if not wanted:
-        return _guess_figures(None)
+    guess = LineGuess(port.device)
     try:
-        guess = guess_lines(port.device, drafted=_print_draft)
+        guess = guess_lines(port.device, drafted=_print_draft) if wanted else guess
+        answer = guess.text if wanted else None
     except LinkError as error:
-        return _guess_figures(str(error).removeprefix(f"{port.device}: "))
-    undecided = guess.proposal.questions
-    return _guess_figures(guess.text, guess.url, guess.preset, guess.baud, guess.details, undecided)
-
-
-def _guess_figures(
-    answer: str | None,
-    url: str | None = None,
-    preset: str | None = None,
-    baud: int | None = None,
-    evidence: "Iterable[str]" = (),
-    undecided: "Iterable[str]" = (),
-) -> dict[str, Any]:
-    """Return what a device prints under the keys of `ports --guess --json`."""
-    proposed = {"answer": answer, "proposed_url": url, "preset": preset, "baud": baud}
-    return {**proposed, "evidence": [*evidence], "undecided": [*undecided]}
+        answer = str(error).removeprefix(f"{port.device}: ")
+    questions = guess.proposal.questions
+    return {
+        "answer": answer,
+        "proposed_url": guess.url,
+        "preset": guess.preset,
+        "baud": guess.baud,
+        "evidence": [*guess.details],
+        "undecided": [str(question) for question in questions],
+        "questions": [{"problem": one.problem, "answers": [*map(dict, one.answers)]} for one in questions],
+        "answered_urls": [*guess.answered_urls],
+    }
 
 
 def _print_draft(guess: "LineGuess") -> None:

@@ -310,7 +310,7 @@ def _decided(where: str, proposal: LayoutProposal, names_columns: bool) -> Layou
     if proposal.layout is not None and not proposal.questions:
         return proposal.layout
     if proposal.questions:
-        raise InputError(f"{where}: {'; '.join(proposal.questions)}")
+        raise InputError(f"{where}: {'; '.join(map(str, proposal.questions))}")
     example = f", such as {proposal.example!r}" if proposal.example else ""
     hint = "give a pattern, the names of the columns, or the format; `sonarhw import --help` lists them"
     if names_columns:

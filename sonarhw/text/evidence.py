@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from statistics import fmean, median
@@ -23,13 +23,26 @@ _METRIC = ("cm", "mm", "m", "us")
 
 
 @dataclass(frozen=True)
+class Question:
+    """What a text does not decide, and the keys of a URL that decide it."""
+
+    problem: str
+    answers: tuple[Mapping[str, str], ...] = ()  # such as unit=cm; empty: the problem names what to do
+
+    def __str__(self) -> str:
+        """Return the question in words."""
+        answers = (" and ".join(f"{key}={value}" for key, value in answer.items()) for answer in self.answers)
+        return f"{self.problem}: add {' or '.join(answers)}" if self.answers else self.problem
+
+
+@dataclass(frozen=True)
 class Decision:
     """A decision on a unit."""
 
     unit: str | None
     assumed: bool = False
     evidence: str = ""
-    question: str = ""
+    question: Question | None = None
 
 
 # units
@@ -55,9 +68,9 @@ def range_unit(numbers: Sequence[float], named: NameMeaning, stated: Layout, wor
         name = UNIT_NAMES[unit]
         why = f"{name} assumed, because only in {name} the numbers {spread} fit a room and the usual board"
         return Decision(unit, True, f"unit of the range not stated: {why}; unit= changes it")
-    options = " or ".join(f"unit={unit}" for unit in candidates or RANGE_UNITS)
     names = " and ".join(UNIT_NAMES[unit] for unit in candidates) or "no unit"
-    return Decision(None, False, "", f"unit of the range not stated: {spread} fits {names}: add {options}")
+    answers = tuple({"unit": unit} for unit in candidates or RANGE_UNITS)
+    return Decision(None, question=Question(f"unit of the range not stated: {spread} fits {names}", answers))
 
 
 def plausible_units(numbers: Sequence[float], among: Sequence[str] = _COMMON) -> tuple[str, ...]:
@@ -104,9 +117,9 @@ def angle_unit(numbers: Sequence[float], named: NameMeaning, stated: Layout) -> 
     if unit == STEP:
         if stated.step is not None:
             return Decision(STEP, False, f"angle in steps of {stated.step:g}°: as given")
-        return Decision(STEP, False, "", "the angle is counted in steps: add step=DEGREES, the turn of one step")
+        return Decision(STEP, question=Question("the angle is counted in steps of DEGREES", ({"step": "DEGREES"},)))
     if named.doubtful and stated.angle is None:
-        return Decision(None, False, "", f"{named.word!r} may be degrees or gradians: add angle=deg or angle=gon")
+        return Decision(None, question=Question(f"{named.word!r} may be degrees or gradians", (_DEGREES, _IN_GRADIANS)))
     if unit is not None and unit in ANGLE_UNITS:
         how = "as given" if stated.angle else f"{named.word!r} in the text"
         return Decision(unit, bool(stated.angle), f"angle in {UNIT_NAMES[unit]}: {how}")
@@ -118,15 +131,14 @@ def angle_unit(numbers: Sequence[float], named: NameMeaning, stated: Layout) -> 
         why = f"radians assumed, because all are below {most + 0.01:.2f}"
         return Decision("rad", True, f"unit of the angle not stated: {why}; angle= changes it")
     if most > 400:
-        return Decision(
-            None, False, "", f"angles up to {most:g} are no degrees: add angle=step and step=DEGREES, or angle=deg"
-        )
+        return Decision(None, question=Question(f"angles up to {most:g} are no degrees", (_IN_STEPS, _DEGREES)))
     if most > 360:
-        question = f"angles up to {most:g} may be gradians or degrees: add angle=gon or angle=deg"
-        return Decision(None, False, "", question)
+        problem = f"angles up to {most:g} may be gradians or degrees"
+        return Decision(None, question=Question(problem, (_IN_GRADIANS, _DEGREES)))
     return Decision("deg", False, DEGREES_ASSUMED)
 
 
+_DEGREES, _IN_GRADIANS, _IN_STEPS = {"angle": "deg"}, {"angle": "gon"}, {"angle": STEP, "step": "DEGREES"}
 BY_SWEEP = "because it sweeps"  # evidence of a number without a name
 DEGREES_ASSUMED = "unit of the angle not stated: degrees assumed; angle= changes it"  # evidence
 _STEPS_OF_A_TURN = (24, 32, 48, 50, 64, 96, 100, 128, 200, 240, 256)  # of motors and encoders
@@ -135,31 +147,30 @@ _NARROW = 80.0  # degrees; few radars sweep less
 _ROUND = 5.0  # degrees; the ends of their sweeps are multiples
 
 
-def angle_question(headings: Sequence[float], begins_whole: bool = False, named: bool = False) -> str:
-    """Return the question in which unit angles are that are taken for degrees; empty if they are degrees.
+def angle_question(headings: Sequence[float], begins_whole: bool = False, named: bool = False) -> Question | None:
+    """Return the question in which unit angles are that are taken for degrees; None if they are degrees.
 
-    It is empty as long as neither a sweep has ended nor the text is whole. `headings` are in the order of the text.
+    It is None as long as neither a sweep has ended nor the text is whole. `headings` are in the order of the text.
     `named`: a word says that they are angles, so they count no steps.
     """
     steps = [after - before for before, after in pairwise(headings) if after != before]
     if len(headings) < 2 * FEWEST or not steps or not (begins_whole or turns_back(headings)):
-        return ""
+        return None
     low, high = min(headings), max(headings)
     step, span = median(map(abs, steps)), high - low
     jumps_back = any(abs(change) > span / 2 for change in steps)
     around = span + step if jumps_back else span  # the last angle of a turn is a step before the first one
     if abs(around - 360) < step / 100:
-        return ""
+        return None
     counts = step == 1 and low in (0, 1) and (span < _NARROW or bool(high % _ROUND and (high + 1) % _ROUND))
     of_motor = low == 0 and around in _STEPS_OF_A_TURN
-    options = {
-        "gradians": "angle=gon" if {span, around} & {*_GRADIANS} and low % 50 == 0 else "",
-        "steps": "angle=step and step=DEGREES" if not named and (counts or of_motor) else "",
+    others = {
+        "gradians": _IN_GRADIANS if {span, around} & {*_GRADIANS} and low % 50 == 0 else None,
+        "steps": _IN_STEPS if not named and (counts or of_motor) else None,
     }
-    names = [name for name, option in options.items() if option]
-    choices = " or ".join(["angle=deg", *filter(None, options.values())])
-    spread = f"angles from {low:g} to {high:g} may be degrees or {' or '.join(names)}"
-    return f"unit of the angle not stated: {spread}: add {choices}" if names else ""
+    answers = {name: answer for name, answer in others.items() if answer}
+    spread = f"angles from {low:g} to {high:g} may be degrees or {' or '.join(answers)}"
+    return Question(f"unit of the angle not stated: {spread}", (_DEGREES, *answers.values())) if answers else None
 
 
 class UnitChoice:
@@ -194,7 +205,7 @@ class UnitChoice:
         if decision.unit is None and not last and len(self._held) < _MOST_HELD:
             return False
         if decision.unit is None:
-            raise InputError(decision.question)
+            raise InputError(str(decision.question))
         self._unit, self.notes = decision.unit, (decision.evidence,)
         return True
 

@@ -17,6 +17,7 @@ from sonarhw.text.evidence import (
     REGULAR,
     Decision,
     Label,
+    Question,
     angle_question,
     angle_unit,
     both_ways,
@@ -54,7 +55,7 @@ class LayoutProposal:
     layout: Layout | None = None  # None: no readings were recognised
     clockwise: bool = False
     evidence: tuple[str, ...] = ()  # how units and columns were decided
-    questions: tuple[str, ...] = ()  # what is undecided, with the option that decides it
+    questions: tuple[Question, ...] = ()  # what is undecided
     readings: tuple[Printed, ...] = ()  # those of the text, if nothing is undecided
     lines: int = 0  # of the text, without empty ones
     example: str = ""  # a line of the text
@@ -97,7 +98,7 @@ def propose(
             proposal = _checked(ordered, data, begins_whole)
         all_read = proposal.decided and len(proposal.readings) >= _WHOLE * len(lines)
         if not all_read and (question := _thousands_question(lines)):
-            return LayoutProposal(questions=(question,), example=lines[-1][:60])
+            return LayoutProposal(questions=(Question(question),), example=lines[-1][:60])
         if proposal.layout is not None:
             return proposal
         if proposal.questions and not best.questions:
@@ -106,7 +107,7 @@ def propose(
             best = replace(best, example=proposal.example)
     if hexadecimal := _HEXADECIMAL.search("\n".join(_lines(data, LINE_ENDS)[1:])):
         question = f"{hexadecimal[1]!r} may be hexadecimal: print decimal numbers, or 0x before hexadecimal ones"
-        best = replace(best, layout=None, questions=(question,))
+        best = replace(best, layout=None, questions=(Question(question),))
     return best
 
 
@@ -204,13 +205,14 @@ def _is_smooth(ranges: Sequence[float]) -> bool:
 _SMOOTH = 0.2
 
 
-def _step_question(stated: Layout, sensors: int) -> tuple[str, ...]:
+def _step_question(stated: Layout, sensors: int) -> tuple[Question, ...]:
     if stated.step is not None:
         return ()
+    turn = "the turn of the table between two readings"
     if sensors > 1:
-        even = f"; {360 / sensors:g} if they are evenly spaced around a circle" if sensors <= 24 else ""
-        return (f"no angle is printed: add step=DEGREES from one of the {sensors} numbers of a line to the next{even}",)
-    return ("no angle is printed: add step=DEGREES, the turn of the table between two readings",)
+        even = f" ({360 / sensors:g} if they are evenly spaced around a circle)" if sensors <= 24 else ""
+        turn = f"those from one of the {sensors} numbers of a line to the next{even}"
+    return (Question(f"no angle is printed; DEGREES are {turn}", ({"step": "DEGREES"},)),)
 
 
 _Order = tuple[list[Printed], bool | None]  # the readings, and whether the pauses agree with the order
@@ -237,8 +239,8 @@ def _ordered(
     if best is None and begins_whole and _begins_with_angle(layout):
         best, why = 0, "the first of the text"
     if best is None or (by_sweeps is not None and by_pauses not in (None, by_sweeps)):
-        orders = " or ".join(f"pattern={order.pattern}" for order in turned[:2])
-        question = f"a reading may begin with each of its lines: add {orders}"
+        orders = tuple({"pattern": order.pattern} for order in turned[:2])
+        question = Question("a reading may begin with each of its lines", orders)
         return replace(proposal, questions=(*proposal.questions, question))
     begins = f"a reading begins with the line {turned[best].pattern.split(chr(92) + 'n')[0]!r}: {why}"
     return replace(proposal, layout=turned[best], evidence=(begins, *proposal.evidence))
@@ -324,8 +326,8 @@ def _maxbotix(lines: list[str], ends: str, stated: Layout) -> LayoutProposal:
     digits = {len(match[1]) for match in matches}
     layout = replace(stated, preset="maxbotix", pattern="", ends="")
     unit, why = _unit_of_maxbotix(model, digits, any(match[2] for match in matches), max(numbers), stated)
-    question = "three digits are centimetres (XL models) or inches (LV models): add unit=cm or unit=in"
-    questions = () if unit else (question,)
+    either = "three digits are centimetres (XL models) or inches (LV models)"
+    questions = () if unit else (Question(either, ({"unit": "cm"}, {"unit": "in"})),)
     evidence = (f"range in {UNIT_NAMES[unit]}: {why}",) if why and unit else ()
     return LayoutProposal(
         replace(layout, unit=unit), False, evidence, (*questions, *_step_question(stated, 1)), lines=len(lines)
@@ -365,9 +367,8 @@ def _json(lines: list[str], ends: str, stated: Layout) -> LayoutProposal:
     columns = columns_of(keys)
     if not isinstance(columns, Columns):
         reason = columns or "expected one key with a name of an angle and one of a range"
-        return LayoutProposal(
-            None, questions=(f"keys {', '.join(map(str, keys))}: {reason}; write a pattern=",), example=lines[0][:60]
-        )
+        question = Question(f"keys {', '.join(map(str, keys))}: {reason}; write a pattern=")
+        return LayoutProposal(None, questions=(question,), example=lines[0][:60])
     heading, distance = keys[columns.heading], keys[columns.ranges[0]]
     values = [[record.get(heading), record.get(distance)] for record in records]
     numbers = [
@@ -476,8 +477,8 @@ def _header(lines: list[str], ends: str, stated: Layout, begins_whole: bool) -> 
         line, cells = lines[number], cut[number]
         columns = columns_of(cells)
         if isinstance(columns, str):
-            asked = (f"header {line!r}: {columns}; write a pattern=, or name the columns",)
-            return LayoutProposal(None, questions=asked, example=line[:60])
+            asked = Question(f"header {line!r}: {columns}; write a pattern=, or name the columns")
+            return LayoutProposal(None, questions=(asked,), example=line[:60])
         if columns is not None:
             return _with_header(lines, line, cells, columns, rows, stated, begins_whole)
         if unnamed.layout is None:  # words that may be those of a banner
@@ -798,12 +799,12 @@ def _of_records(
         either = "a name or the unit of an angle or of a range"
         if "…" not in between:
             either = "the unit of the number before it or the name of the one after it"
-        question = f"{example!r}: {between!r} is {either}"
-        return LayoutProposal(None, questions=(f"{question}; write a pattern=",), lines=len(lines))
+        question = Question(f"{example!r}: {between!r} is {either}; write a pattern=")
+        return LayoutProposal(None, questions=(question,), lines=len(lines))
     columns = [records.column(k) for k in range(count)]
     roles = radar_roles(literals, columns, ends) or column_roles(columns, labels)
     if isinstance(roles, str):
-        return LayoutProposal(None, questions=(roles,), lines=len(lines), example=example)
+        return LayoutProposal(None, questions=(Question(roles),), lines=len(lines), example=example)
     heading, ranges, evidence = roles
     if len(ranges) > 1 and (heading is None or any(labels[k].named for k in ranges[1:])):
         unit = Decision(labels[ranges[0]].meaning.unit)
@@ -813,12 +814,12 @@ def _of_records(
             f"{example!r}: several ranges may be those of several sensors or echoes; write pattern=, for sensors with "
             f"the direction of each in place of DEG: pattern={pattern.replace(f'{{{field}}}', f'{{{field}@DEG}}')}"
         )
-        return LayoutProposal(None, questions=(asked,), lines=len(lines), example=example)
+        return LayoutProposal(None, questions=(Question(asked),), lines=len(lines), example=example)
     numbers = [number for k in ranges for number in columns[k]]
     reach = range_unit(numbers, labels[ranges[0]].meaning, stated, (header, *literals))
     units = {labels[k].meaning.unit for k in ranges}
     if len(units) > 1:
-        return LayoutProposal(None, questions=(f"{example!r}: ranges in several units; write a pattern=",))
+        return LayoutProposal(None, questions=(Question(f"{example!r}: ranges in several units; write a pattern="),))
     facts = [f"header {header!r}"] if header else []
     if heading is None:
         angle, clockwise = Decision(None), False

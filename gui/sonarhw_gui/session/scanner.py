@@ -641,6 +641,7 @@ class PortRow:
     answer: str = "not checked"
     answers: bool = False  # whether a scanner answers
     proposed_url: str = ""  # of a device that prints readings
+    answered_urls: tuple[str, ...] = ()  # this URL with each answer to what is undecided
 
 
 _PORTS = "probe ports"  # the thread that opens ports
@@ -660,7 +661,7 @@ def _listened(row: PortRow, stopped: Callable[[], bool]) -> PortRow:
         line = guess_lines(row.device, stopped)
     except LinkError as error:
         return replace(row, answer=str(error).removeprefix(f"{row.device}: "))
-    return replace(row, answer=line.text, proposed_url=line.url or "")
+    return replace(row, answer=line.text, proposed_url=line.url or "", answered_urls=line.answered_urls)
 
 
 class ScannerFinder(Protocol):

@@ -178,11 +178,10 @@ class ConnectDialog(QtWidgets.QDialog):
         self.connect_button = self.buttons.addButton("Connect", QtWidgets.QDialogButtonBox.ButtonRole.AcceptRole)
         self.buttons.addButton(QtWidgets.QDialogButtonBox.StandardButton.Cancel)
         buttons = self.refresh, self.probe_all, self.listen, None
-        stacked(self, self.none, self.ports, buttons, PlainLabel("Port or URL"), self.url, self.buttons)
+        self.of_url = PlainLabel()
+        stacked(self, self.none, self.ports, buttons, self.of_url, self.url, self.buttons)
         self._connect()
         self.resize(640, 340)
-        self.url.addItems(list(scanners.urls))
-        self.url.setEditText("")
         self._update_button()
         self.show_ports(())
         scanners.list_ports()
@@ -198,8 +197,12 @@ class ConnectDialog(QtWidgets.QDialog):
         self.ports.setVisible(bool(rows))
         self.probe_all.setEnabled(any(row.answer == "not checked" for row in rows))
         proposed = {row.device: row.proposed_url for row in rows if row.proposed_url}
-        if chosen in proposed:
-            self.url.setEditText(proposed[chosen])
+        answered = [url for row in rows for url in row.answered_urls if url != row.proposed_url]
+        self.of_url.setText(f"Port or URL{'; the list has one for each answer' if answered else ''}")
+        if chosen in proposed or not self.url.count():  # else the user may be typing
+            self.url.clear()
+            self.url.addItems([*answered, *self._scanners.urls])
+            self.url.setEditText(proposed.get(chosen, chosen))
         answering = [row.device for row in rows if row.answers]
         if not chosen and len(answering) == 1:
             self.url.setEditText(answering[0])

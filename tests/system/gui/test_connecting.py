@@ -5,6 +5,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import replace
+from itertools import cycle
 from pathlib import Path
 
 import pytest
@@ -335,6 +336,15 @@ def test_listening_proposes_the_url_of_a_printing_device_and_its_scan_is_shown_o
         dialog.field.setText("/dev/ttyUSB9")
         push(dialog.listen)
         until(lambda: dialog.ports.rowCount() == 1 and "there is no such port" in dialog.ports.item(0, 2).text())
+        with PrintingDevice(b"%d\t%.2f\r\n" % (a, 0.8 + a % 37 / 20) for a in cycle(range(0, 360, 5))) as other:
+            dialog.field.setText(other.port)
+            push(dialog.listen)
+            until(lambda: dialog.url.count() > 1)
+            units = [dialog.url.itemText(k).rpartition("&unit=")[2] for k in range(dialog.url.count())]
+            assert (units, dialog.url.currentText()) == (
+                ["m", "ft", "yd", device.port],
+                f"lines:{other.port}?baud=9600&preset=csv",
+            )
         dialog.field.setText("socket://127.0.0.1:9")
         assert not dialog.listen.isEnabled()
         dialog.field.clear()

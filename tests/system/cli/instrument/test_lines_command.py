@@ -3,7 +3,8 @@
 import json
 import re
 import signal
-from itertools import chain, repeat
+from collections.abc import Iterator
+from itertools import chain, cycle, repeat
 from pathlib import Path
 from urllib.parse import quote
 
@@ -17,6 +18,7 @@ from sonarhw.errors import NoAnswer
 from sonarhw.host import scanner
 from sonarhw.link import Port
 from sonarhw.log import read_log
+from sonarhw.text_device import read_lines_url
 from tests.fixtures.commands import end, lines, started
 from tests.fixtures.plain_echoes import PlainEchoes
 from tests.fixtures.text_devices.printing_device import SKETCHES, PrintingDevice, wall
@@ -94,7 +96,8 @@ def test_guess_proposes_a_url_that_works(
         (found,) = json.loads(capsys.readouterr().out)["ports"]
         assert (found["preset"], found["baud"]) == (preset, 9600)
         assert found["answer"] == f"prints {preset} at 9600 baud: '{found['proposed_url']}'"
-        assert found["undecided"] == []
+        assert (found["undecided"], found["questions"]) == ([], [])
+        assert found["answered_urls"] == [found["proposed_url"]]
         assert any("readings, angles" in fact for fact in found["evidence"])
         log = tmp_path / "scan.mcap"
         assert run(["scan", found["proposed_url"], "--out", str(log)]) == 0
@@ -105,13 +108,35 @@ def test_guess_proposes_a_url_that_works(
 def test_guess_finds_a_rangefinder_without_angle(capsys: pytest.CaptureFixture[str]) -> None:
     with PrintingDevice(b"R%04d\r" % k for k in range(500, 5000)) as device:
         assert run(["ports", "--guess", device.port]) == 0
-        undecided = "no angle is printed: add step=DEGREES, the turn of the table between two readings"
+        turn = "the turn of the table between two readings"
+        undecided = f"no angle is printed; DEGREES are {turn}: add step=DEGREES"
         url = f"lines:{device.port}?baud=9600&preset=maxbotix&unit=mm"
     out, err = capsys.readouterr()
     first, *details = out.splitlines()
     assert err.endswith(f"next, with your answer: sonarhw scan '{url}&step=DEGREES' --out scan.mcap\n")
     assert first == f"{device.port}  prints maxbotix at 9600 baud; undecided: {undecided}: '{url}'"
     assert details[0] == "    range in millimetres: four digits"
+
+
+def undecided() -> Iterator[bytes]:
+    """Print ranges in yards, without their unit."""
+    return (b"%d\t%.2f\r\n" % (a, 0.8 + a % 37 / 20) for a in cycle([*range(0, 181, 5), *range(175, 0, -5)]))
+
+
+def test_guess_gives_the_url_with_each_answer(capsys: pytest.CaptureFixture[str]) -> None:
+    with PrintingDevice(undecided()) as device:
+        assert run(["ports", "--guess", "--json", device.port]) == 0
+        (found,) = json.loads(capsys.readouterr().out)["ports"]
+        assert run(["ports", "--guess", device.port]) == 0
+    answers = [{"unit": "m"}, {"unit": "ft"}, {"unit": "yd"}]
+    assert [question["answers"] for question in found["questions"]] == [answers]
+    assert found["undecided"] == [f"{found['questions'][0]['problem']}: add unit=m or unit=ft or unit=yd"]
+    urls = found["answered_urls"]
+    assert [read_lines_url(url).layout.unit for url in urls] == ["m", "ft", "yd"]
+    assert capsys.readouterr().err.splitlines()[-3:] == [
+        f"next, with your answer: sonarhw scan '{urls[0]}' --out scan.mcap",
+        *(f"or: sonarhw scan '{url}' --out scan.mcap" for url in urls[1:]),
+    ]
 
 
 def test_guess_shows_other_text_and_silence(

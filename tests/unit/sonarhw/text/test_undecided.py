@@ -53,7 +53,7 @@ def test_several_numbers_that_may_be_the_same_quantity_are_a_question(line: str,
     ]
     proposal = propose("\n".join(lines).encode(), True)
     assert proposal.layout is None
-    assert question in " ".join(proposal.questions)
+    assert question in " ".join(map(str, proposal.questions))
 
 
 @pytest.mark.parametrize(("layout", "read"), READ.items(), ids=map(repr, READ))
@@ -78,7 +78,7 @@ def test_marks_and_names_are_not_mistaken(layout: tuple[str, str], read: str) ->
 def test_a_question_about_columns_is_not_avoided_by_other_ends_of_lines() -> None:
     lines = ["angle,voltage", *(f"{a},{0.5 + k % 7 / 100:.3f}" for k, a in enumerate(ANGLES))]
     proposal = propose("\n".join(lines).encode(), True)
-    assert (proposal.layout, "'voltage' is not a unit" in proposal.questions[0]) == (None, True)
+    assert (proposal.layout, "'voltage' is not a unit" in str(proposal.questions[0])) == (None, True)
 
 
 OF_ANGLES = {  # angles without a unit, and what else they may be
@@ -94,7 +94,7 @@ OF_ANGLES = {  # angles without a unit, and what else they may be
 @pytest.mark.parametrize(("angles", "other"), OF_ANGLES.values(), ids=OF_ANGLES)
 def test_angles_that_may_be_no_degrees_are_a_question(angles: list[int], other: str | None) -> None:
     text = "".join(f"{angle},{100 + 37 * k % 61}\n" for k, angle in enumerate(3 * angles)).encode()
-    (question, *_) = (*propose(text).questions, "")
+    (question, *_) = (*map(str, propose(text).questions), "")
     assert (other or "") in question
     assert bool(question) is (other is not None)
     named = propose(b"angle_deg,range_cm\n" + text, begins_whole=True)
@@ -127,7 +127,7 @@ def test_the_order_of_alternating_lines_follows_from_pauses_or_sweeps_or_is_a_qu
     by_pauses = propose(text, pauses=pauses)
     assert by_pauses.layout is not None
     assert (by_pauses.layout.pattern, by_pauses.questions) == (pattern, ())
-    assert "may begin with each of its lines" in propose(text).questions[0]
+    assert "may begin with each of its lines" in str(propose(text).questions[0])
 
 
 NUMBERS = {  # a line, and the question about it; none where its ranges are read
@@ -162,7 +162,7 @@ def test_numbers_of_any_notation_are_read_or_are_a_question(line: str, question:
         for a, r in zip(ANGLES, ranges, strict=True)
     ]
     proposal = propose("\n".join(lines).encode(), True)
-    assert question in " ".join(proposal.questions)
+    assert question in " ".join(map(str, proposal.questions))
     assert proposal.decided != bool(question)
     if not question:
         assert [round(1000 * reading.ranges[0]) for reading in proposal.readings] == ranges
