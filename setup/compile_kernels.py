@@ -18,7 +18,8 @@ from sonarhw_sim.board.signal import RATE
 from sonarhw_sim.compilation import watch_compilation
 from sonarhw_sim.predict.batch import predict_ranges
 from sonarhw_sim.predict.predicted_scan import nearest_paths
-from sonarhw_sim.room.room import with_material
+from sonarhw_sim.room.room import Place, with_material
+from sonarhw_sim.room.room_arrays import room_from_arrays
 
 from sonarhw.readings import FloatArray, Reading
 
@@ -57,6 +58,7 @@ def compile_kernels() -> None:
     predict_scan(with_material(room, room.materials[0], 0.9, scatter=0.1), place, board, headings)
     with_heights = load_room("doorstep")
     predict_scan(with_heights, with_heights.place("robot"), board, headings)
+    compile_for_small_things(headings)
     poses = np.array([(2.0, 1.6, 0.0), (1.5, 1.5, 0.0)])
     for of_board in ("hc-sr04", DEFAULT_BOARD):
         predict_ranges("laboratory", poses, [0.0, 1.0], of_board)
@@ -65,6 +67,15 @@ def compile_kernels() -> None:
     fit_scan(readings, room, place, board, frozenset({"heading", "offset"}))
     locate_scan(readings, room, board)
     map_scans([PlacedScan(readings, place)], board, room)
+
+
+def compile_for_small_things(headings: FloatArray) -> None:
+    """Call the kernels of posts, thin and thick, and of edges so near to each other that they answer together."""
+    tray = [(-0.08, 1.9), (-0.08, 2.0), (0.08, 2.0), (0.08, 1.9)]
+    walls = {"wall": [(-9.0, 0.0), (9.0, 0.0)], "tray": tray}
+    room = room_from_arrays(walls, [(0.3, 0.5, 0.003), (-0.3, 0.5, 0.05)], closed=False)
+    for board in ("hc-sr04", DEFAULT_BOARD):
+        predict_scan(room, Place("here", (0.0, 1.0)), load_board(board), headings)
 
 
 def readings_of(headings: FloatArray, ranges: FloatArray, speed: float) -> list[Reading]:

@@ -11,6 +11,18 @@ name = "One wall"
 materials.board.reflectance = 0.9
 walls = [{ name = "wall", points = [[-9.0, 0.0], [9.0, 0.0]], material = "board" }]
 """
+SMALL_THINGS = """
+name = "A hook, a wire and a leg of a chair before a wall"
+materials.board = { reflectance = 0.8, scatter = 0.1 }
+walls = [
+    { name = "wall", points = [[-5.0, 2.0], [5.0, 2.0]], material = "board" },
+    { name = "hook", points = [[0.5, 1.0], [0.53, 1.0], [0.53, 1.04]], material = "board" },
+]
+posts = [
+    { name = "wire", center = [-0.2, 1.5], radius = 0.002, material = "board" },
+    { name = "leg", center = [0.2, 1.2], radius = 0.02, material = "board" },
+]
+"""
 
 
 def test_all_kernels_are_compiled_after_prepare() -> None:
@@ -50,7 +62,7 @@ def compiled():
 runpy.run_path("setup/compile_kernels.py")["compile_kernels"]()
 before = compiled()
 from sonarhw_cli.app import run
-simple, log, traces, one_wall = ["rooms/simple.toml", "--place", "figure7"], *sys.argv[1:]
+simple, log, traces, one_wall, small = ["rooms/simple.toml", "--place", "figure7"], *sys.argv[1:]
 for command in (
     ["simulate", *simple, "--step", "30", "--out", log],
     ["simulate", *simple, "--receiver", "board", "--traces", "sampled", "--step", "90", "--out", traces],
@@ -58,6 +70,9 @@ for command in (
     ["simulate", "doorstep", "--place", "tripod", "--board", "hc-sr04", "--unit", "block"],
     ["simulate", "arena", "--place", "p1", "--board", "lego-nxt", "--step", "30"],
     ["simulate", one_wall, "--place", "0,1", "--board", "hc-sr04", "--step", "30"],  # a search that finds one path
+    ["simulate", "table_top", "--place", "table", "--step", "30"],
+    ["simulate", small, "--place", "0,0", "--step", "30"],
+    ["simulate", small, "--place", "0,0", "--step", "30", "--board", "hc-sr04", "--receiver", "board"],
     ["paths", *simple],
     ["fit", log, "--free", "position", "--samples", "0"],
     ["--quiet", "map", log],
@@ -66,8 +81,9 @@ for command in (
         assert run(command) == 0, command
     assert before and compiled() == before, (command, compiled() - before)
 """
-    files = [str(tmp_path / name) for name in ("scan.mcap", "traces.npz", "one_wall.toml")]
+    files = [str(tmp_path / name) for name in ("scan.mcap", "traces.npz", "one_wall.toml", "small_things.toml")]
     Path(files[2]).write_text(ONE_WALL)
+    Path(files[3]).write_text(SMALL_THINGS)
     assert subprocess.run([sys.executable, "-c", program, *files], cwd=CHECKOUT, check=False).returncode == 0
 
 
