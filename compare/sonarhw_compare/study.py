@@ -286,7 +286,7 @@ def versions() -> tuple[tuple[str, str], ...]:
 
 def unfinished_of(folder: Path) -> Path:
     """Return the path of the folder until all parts exist."""
-    return folder.with_name(folder.name + ".unfinished")
+    return folder.parent / f"{folder.name}.unfinished"  # also of a folder without a name, such as "."
 
 
 class StudyFolder:

@@ -176,8 +176,9 @@ def test_processes_write_the_same_files_and_an_interrupted_study_resumes(tmp_pat
     for path, written in kept.items():
         assert (broken / path.relative_to(unfinished)).stat().st_mtime_ns == written
     run_study(study, broken, resume=True)
-    with pytest.raises(InputError, match="exists already"):
-        run_study(study, broken)
+    for taken in (broken, Path(), Path("..")):
+        with pytest.raises(InputError, match="exists already"):
+            run_study(study, taken)
 
 
 def test_results_are_arrays_with_varied_values_as_coordinates(tmp_path: Path) -> None:
