@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 
 from sonarhw import arguments
 from sonarhw.errors import InputError, MissingExtra
+from sonarhw.wire.limits import MOST_READINGS
 
 FloatArray: TypeAlias = NDArray[np.float64]
 BoolArray: TypeAlias = NDArray[np.bool_]
 # of a robot or of the turntable's zero: x and y, m, and the heading, rad, counter-clockwise from x, as seen from above
 RobotPose: TypeAlias = tuple[float, float, float]
+_STILL, _STILL_TURN = 0.001, math.radians(0.1)  # m and rad; a robot that moves less stands still
 
 
 def angle_difference(angles: FloatArray, reference: FloatArray | float) -> FloatArray:
@@ -151,6 +153,29 @@ class Reading:
         return self.speed_of_sound * self.echo_times[0] / 2 if self.echo_times else None
 
 
+def poses_from(start: RobotPose, readings: Sequence[Reading], first: RobotPose | None = None) -> FloatArray | None:
+    """Return the pose of each reading, (n, 3) m, m and rad, if the robot was at `start` when its own pose was `first`.
+
+    `first` is by default the pose of the first reading. None if a pose is unknown, or if the robot stands still there.
+    """
+    known = [reading.pose for reading in readings if reading.pose is not None]
+    if not known or len(known) < len(readings):
+        return None
+    poses, origin = np.array(known), np.array(known[0] if first is None else first)
+    moved = poses[:, :2] - origin[:2]
+    turned = angle_difference(poses[:, 2], origin[2])
+    if np.abs(moved).max() < _STILL and np.abs(turned).max() < _STILL_TURN:
+        return None
+    turn = start[2] - origin[2]
+    cosine, sine = math.cos(turn), math.sin(turn)
+    return np.column_stack((start[:2] + moved @ np.array([[cosine, sine], [-sine, cosine]]), start[2] + turned))
+
+
+def points_at(sensors: FloatArray | tuple[float, float], headings: FloatArray, ranges: FloatArray) -> FloatArray:
+    """Return the points of readings, (n, 2) m, from `sensors`, (n, 2) m or one for all; NaN where the range is NaN."""
+    return np.asarray(np.asarray(sensors) + ranges[:, None] * np.column_stack((np.cos(headings), np.sin(headings))))
+
+
 @dataclass(frozen=True)
 class ScanOrder:
     """The pings of a scan, at `headings` turntable angles from `start` in steps of `step`. Odd sweeps run backwards."""
@@ -178,6 +203,30 @@ class ScanOrder:
         if sweep % 2:
             index = self.headings - 1 - index
         return sweep, self.start + self.step * index, ping
+
+
+_MOST_ANGLE = 37.0  # rad; a message holds angles up to 2147 degrees
+_ORDER_CHECKS = {
+    "start": arguments.number(-_MOST_ANGLE, _MOST_ANGLE, "rad"),
+    "step": arguments.number(-_MOST_ANGLE, _MOST_ANGLE, "rad"),
+    "headings": arguments.whole(1, 65_535),
+    "sweeps": arguments.whole(1, 65_535),
+    "pings": arguments.whole(1, 255),
+    "in_place": arguments.flag,
+}
+
+
+def check_order(order: ScanOrder) -> None:
+    """Raise InputError if the protocol cannot state this order. A device may have narrower limits."""
+    for name, check in _ORDER_CHECKS.items():
+        check(name, getattr(order, name))
+    if abs(step := math.degrees(order.step)) <= 0.5e-6:
+        raise InputError(f"step {step:g}°: too fine; expected 0.000001° or more")
+    if order.readings > MOST_READINGS:
+        raise InputError(
+            f"{order.readings} readings ({order.headings} headings, {order.sweeps} sweeps, {order.pings} pings): "
+            f"at most {MOST_READINGS} are possible; reduce one of them"
+        )
 
 
 @arguments.checked(count=arguments.whole(1, 65_535))

@@ -65,24 +65,12 @@ def refuse_orders(context: typer.Context) -> None:
 
 def check_request(request: ScanRequest) -> None:
     """Raise InputError for an impossible option. The scanner checks the limits of the turntable."""
-    _check_order(request.order)
+    from sonarhw.readings import check_order
+
+    check_order(request.order)
     if request.show:
         standard_output()
     options.check_scan_values(request.board, request.max_range, request.temperature)
-
-
-def _check_order(order: "ScanOrder") -> None:
-    """Raise InputError for an order that does not fit into a frame."""
-    from sonarhw.wire.limits import MOST_READINGS
-    from sonarhw.wire.messages import microdegrees_of
-
-    if microdegrees_of(order.step) == 0:
-        raise InputError(f"--step {math.degrees(order.step):g}: too fine; expected 0.000001 degrees or more")
-    if order.readings > MOST_READINGS:
-        raise InputError(
-            f"--sweeps {order.sweeps}, --pings {order.pings}: {order.readings} readings of {order.headings} headings, "
-            f"at most {MOST_READINGS} are possible; reduce one of them"
-        )
 
 
 def room_and_place(room_name: str | None, place: str | None, out: Path | None) -> "tuple[Room, Place] | None":

@@ -25,7 +25,7 @@ from sonarhw_sim.predict.predicted_scan import PredictedScan, standpoints
 from sonarhw_sim.room.room import Place, Room
 
 from sonarhw import arguments
-from sonarhw.readings import FloatArray, Origin
+from sonarhw.readings import FloatArray, Origin, points_at
 from sonarhw_compare import pictures
 from sonarhw_compare.arcs import Arc, direction, headings_and_ranges
 from sonarhw_compare.calibration.room import RoomCalibration
@@ -145,7 +145,7 @@ def draw_plan(
     `shading` is drawn behind everything else. Of `changed`, what the room does not have is drawn as found.
     """
     measured_points, own_points = (
-        pictures.points_at(standpoints(scan.board, scan.place, headings), headings, ranges)
+        points_at(standpoints(scan.board, scan.place, headings), headings, ranges)
         for headings, ranges in (np.reshape(readings, (-1, 2)).T for readings in (measured, own_body))
     )
     return _drawn_plan(scan, measured_points, title, origin, own_points, shading, changed)
@@ -164,7 +164,7 @@ def _drawn_plan(
     figure = new_figure(8, 7, 120)
     axes = figure.add_subplot()
     draw_room(axes, scan.room, scan.place)
-    predicted = pictures.points_at(scan.standpoints, scan.headings, scan.ranges)
+    predicted = points_at(scan.standpoints, scan.headings, scan.ranges)
     axes.plot(*predicted.T, "o", mfc="none", mec=pictures.PREDICTED, ms=7, label="predicted")
     drawn = ((measured, ".", pictures.MEASURED, 6, origin.value), (own_body, "D", pictures.OWN_BODY, 4, "own body"))
     for points, marker, colour, size, label in drawn:
@@ -344,7 +344,7 @@ def draw_comparison(
     prediction = comparison.prediction
     ranges = np.array([row.measured for row in comparison.rows], dtype=np.float64)  # None is NaN
     own = np.array([row.kind is Kind.OWN_BODY for row in comparison.rows], dtype=np.bool_)
-    points, sounding = pictures.points_at(prediction.standpoints, prediction.headings, ranges), ~np.isnan(ranges)
+    points, sounding = points_at(prediction.standpoints, prediction.headings, ranges), ~np.isnan(ranges)
     of_room, of_body = points[sounding & ~own], points[sounding & own]
     return _drawn_plan(prediction, of_room, "", comparison.origin, of_body, shading, changed)
 
@@ -368,7 +368,7 @@ def draw_track(track: Track) -> Figure:
     for row in np.flatnonzero(located).tolist():
         angles, ranges = track.readings[row]
         headings = track.board.heading_at(angles, float(poses[row, 2]))
-        echoes.append(pictures.points_at(standpoints(track.board, poses[row : row + 1], headings), headings, ranges))
+        echoes.append(points_at(standpoints(track.board, poses[row : row + 1], headings), headings, ranges))
     if echoes:
         axes.plot(*np.vstack(echoes).T, ".", color=pictures.MEASURED, ms=2, alpha=0.5, label="echoes")
     axes.plot(*track.odometry[:, :2].T, "--", color="#777777", lw=1.2, label="odometry alone")
@@ -478,7 +478,7 @@ def draw_located(located: Located) -> Figure:
     sensors = standpoints(board, board.faced(place), headings)
     ranges = np.array([float(reading.range or 0) + best.offset for reading in echoes])
     axes.plot(
-        *pictures.points_at(sensors, headings, ranges).T,
+        *points_at(sensors, headings, ranges).T,
         ".",
         color=pictures.MEASURED,
         ms=6,
@@ -739,7 +739,7 @@ def _draw_echoes(axes: Axes, scans: Sequence[PlacedScan], room: Room, board: Boa
     reflections, points = np.concatenate(reflections_of(scans, room, board)), []
     for scan in scans:
         headings, ranges = headings_and_ranges(scan, board)
-        points.append(pictures.points_at(standpoints(board, scan.place, headings), headings, ranges))
+        points.append(points_at(standpoints(board, scan.place, headings), headings, ranges))
     where, once, several = np.vstack(points), reflections <= 1, reflections > 0
     heard = np.isfinite(where).all(axis=1)
     for (colour, marker), rows, label in (

@@ -39,14 +39,6 @@ def picture_text(name: str) -> str:
     return shortened(harmless(name), _MOST).replace("$", r"\$")
 
 
-# Points of readings in the plan, for pictures and the window.
-
-
-def points_at(sensors: FloatArray | tuple[float, float], headings: FloatArray, ranges: FloatArray) -> FloatArray:
-    """Return the points of readings, (n, 2) m, from `sensors`, (n, 2) m or one for all; NaN where the range is NaN."""
-    return np.asarray(np.asarray(sensors) + ranges[:, None] * np.column_stack((np.cos(headings), np.sin(headings))))
-
-
 # Shading of the ranges that a board may report: the more opaque, the more probable.
 
 

@@ -22,7 +22,7 @@ from sonarhw_sim.room.room import Place, Room
 
 from sonarhw.errors import harmless, heading_text, in_degrees
 from sonarhw.log import Log, LogMetadata
-from sonarhw.readings import FloatArray, Origin, Reading, Trace
+from sonarhw.readings import FloatArray, Origin, Reading, Trace, points_at
 from sonarhw_compare import pictures
 from sonarhw_compare.corrections import agreement_doubts
 from sonarhw_compare.drawings import draw_map, draw_room
@@ -221,7 +221,7 @@ def plan_svg(comparison: Comparison) -> bytes:
     prediction = comparison.prediction
     draw_room(axes, prediction.room, prediction.place)
 
-    predicted = pictures.points_at(prediction.standpoints, prediction.headings, prediction.ranges)
+    predicted = points_at(prediction.standpoints, prediction.headings, prediction.ranges)
     axes.plot(*predicted.T, "o", mfc="none", mec=pictures.PREDICTED, ms=7, label="predicted")
     points = _points(comparison)
     _draw_classes(axes, comparison.rows, lambda row: None if _drawn_at(row) is None else tuple(points[row.index]))
@@ -307,7 +307,7 @@ def _points(comparison: Comparison) -> FloatArray:
     """Return where each reading is drawn in the plan, (n, 2) m; NaN for silence."""
     prediction = comparison.prediction
     ranges = np.array([_drawn_at(row) for row in comparison.rows], dtype=np.float64)  # None is NaN
-    return pictures.points_at(prediction.standpoints, prediction.headings, ranges)
+    return points_at(prediction.standpoints, prediction.headings, ranges)
 
 
 def _crop_to_room(axes: Axes, comparison: Comparison, points: FloatArray) -> None:

@@ -21,7 +21,7 @@ from sonarhw.arguments import Warn, emit
 from sonarhw.errors import InputError, OutputError, counted, counted_are, harmless, number, text_cell
 from sonarhw.files import atomic_file
 from sonarhw.log import Log, LogMetadata, read_log
-from sonarhw.readings import FloatArray, Origin, Reading, RobotPose, angle_difference
+from sonarhw.readings import FloatArray, Origin, Reading, RobotPose, angle_difference, poses_from
 from sonarhw.scan_check import DoubtKind, Reach, check_scan
 
 # The room, place and board that a log was recorded with, even if their files no longer exist.
@@ -54,7 +54,6 @@ RoomInput: TypeAlias = Room | Path | str
 PlaceInput: TypeAlias = Place | Sequence[float] | FloatArray | str
 BoardInput: TypeAlias = Board | Path | str
 
-_STILL, _STILL_TURN = 0.001, math.radians(0.1)  # m and rad; a sensor that moves less stands still
 _ONE_PLACE, _ONE_HEADING = 0.05, math.radians(3)  # m and rad; beyond, readings do not belong to one place
 
 
@@ -181,24 +180,6 @@ class GivenScan:
         if given is not None:
             return load_board(given)
         return load_board(DEFAULT_BOARD) if self.log is None else board_of_log(self.log.metadata)
-
-
-def poses_from(start: RobotPose, readings: Sequence[Reading], first: RobotPose | None = None) -> FloatArray | None:
-    """Return the pose of each reading, (n, 3) m, m and rad, if the robot was at `start` when its own pose was `first`.
-
-    `first` is by default the pose of the first reading. None if a pose is unknown, or if the robot stands still there.
-    """
-    known = [reading.pose for reading in readings if reading.pose is not None]
-    if not known or len(known) < len(readings):
-        return None
-    poses, origin = np.array(known), np.array(known[0] if first is None else first)
-    moved = poses[:, :2] - origin[:2]
-    turned = angle_difference(poses[:, 2], origin[2])
-    if np.abs(moved).max() < _STILL and np.abs(turned).max() < _STILL_TURN:
-        return None
-    turn = start[2] - origin[2]
-    cosine, sine = math.cos(turn), math.sin(turn)
-    return np.column_stack((start[:2] + moved @ np.array([[cosine, sine], [-sine, cosine]]), start[2] + turned))
 
 
 def places_at(begin: Place, poses: FloatArray) -> list[Place]:

@@ -28,7 +28,7 @@ from sonarhw.host.session import PATIENCE, RECONNECT, Connection, Recorder, Sess
 from sonarhw.link import MOST, Link, LinkStatistics, PortFinder
 from sonarhw.log import LogWriter
 from sonarhw.plugins.plugin_device import PluginLink
-from sonarhw.readings import Reading, ScanOrder, sector
+from sonarhw.readings import Reading, ScanOrder, check_order, sector
 from sonarhw.scan_check import Reach, check_scan
 from sonarhw.sound_speed import ScanAir
 from sonarhw.wire import messages
@@ -668,11 +668,13 @@ class Scanner:
 
         The default order is a whole turn in steps of 5 degrees. Without an earlier `configure`, the settings are its
         defaults. The turntable homes first if needed. If the caller ends the iteration early, the board stops. After
-        the last reading the turntable turns over its zero mark. Raises what `home` raises, and LostSteps, after all
-        readings, if the mark is misplaced.
+        the last reading the turntable turns over its zero mark. Raises InputError for an order that the protocol cannot
+        state, what `home` raises, and LostSteps, after all readings, if the mark is misplaced.
         """
+        order = order or sector()
+        check_order(order)
         with self._use.action():
-            self._scan = job = self._begin(scripts.scanning(start_scan(order or sector())))
+            self._scan = job = self._begin(scripts.scanning(start_scan(order)))
             try:
                 while ready := self._next_readings(job):
                     yield from ready

@@ -19,7 +19,7 @@ from sonarhw_sim.board.profile import Board
 from sonarhw_sim.rays.paths import Paths
 from sonarhw_sim.room.room import Room
 
-from sonarhw.readings import FloatArray
+from sonarhw.readings import FloatArray, points_at
 from sonarhw_compare.drawings import draw_room, mark_sensors
 from sonarhw_compare.paper.scenes import (
     GREEN,
@@ -40,7 +40,7 @@ from sonarhw_compare.paper.scenes import (
     span,
 )
 from sonarhw_compare.picture_file import picture_bytes
-from sonarhw_compare.pictures import MEASURED, PREDICTED, WALL, points_at
+from sonarhw_compare.pictures import MEASURED, PREDICTED, WALL
 
 # Figure 5: the impulse response h_R convolved with the pulse, and the loss at each angle.
 #

@@ -17,9 +17,9 @@ from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_with
 from sonarhw_sim.room.room import load_room
 
-from sonarhw.readings import ScanOrder, headings_between
+from sonarhw.readings import ScanOrder, headings_between, points_at
 from sonarhw_compare.drawings import draw_room, mark_sensors
-from sonarhw_compare.pictures import MEASURED, PREDICTED, WALL, points_at
+from sonarhw_compare.pictures import MEASURED, PREDICTED, WALL
 
 # A scene: one predicted scan of one figure, described by the options of the command line.
 #

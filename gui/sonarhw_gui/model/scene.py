@@ -8,8 +8,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
-from sonarhw_compare.pictures import points_at
-from sonarhw_compare.scans import board_of_log, poses_from
+from sonarhw_compare.scans import board_of_log
 from sonarhw_sim.board.beam import beam_gain
 from sonarhw_sim.board.profile import Board, parse_board
 from sonarhw_sim.predict.predicted_scan import PredictedScan
@@ -19,7 +18,7 @@ from sonarhw_sim.room.room_writing import with_place
 
 from sonarhw.errors import InputError
 from sonarhw.log import LogMetadata
-from sonarhw.readings import FloatArray, Reading, RobotPose
+from sonarhw.readings import FloatArray, Reading, RobotPose, points_at, poses_from
 
 # The scene of a prediction: a room, a place in it and a board; or a board alone if the room is unknown.
 

@@ -13,7 +13,6 @@ from weakref import ref
 import numpy as np
 from sonarhw_compare.explain import explain_heading, explain_reading
 from sonarhw_compare.match import Matched
-from sonarhw_compare.pictures import points_at
 from sonarhw_compare.scans import places_at
 from sonarhw_compare.sound import PlayedPing, caption_at
 from sonarhw_compare.two_scans import HeadingSeries, heading_series
@@ -21,7 +20,7 @@ from sonarhw_sim.predict.predicted_scan import PredictedScan, standpoints
 from sonarhw_sim.room.room import Place, Room
 
 from sonarhw.errors import heading_text
-from sonarhw.readings import FloatArray, Origin, Reading
+from sonarhw.readings import FloatArray, Origin, Reading, points_at
 from sonarhw_gui.jobs.forecast import ComparedScan
 from sonarhw_gui.jobs.traces import BScans, ChosenTrace
 from sonarhw_gui.model.look import Class, LengthUnit, Look, ViewLayer

@@ -7,6 +7,7 @@ from PySide6 import QtWidgets
 from PySide6.QtCore import QSignalBlocker, Qt, Slot
 from PySide6.QtGui import QAction
 
+from sonarhw.errors import InputError
 from sonarhw.readings import ScanOrder
 from sonarhw_gui.model.look import Look
 from sonarhw_gui.model.shown import Shown
@@ -191,21 +192,21 @@ class DevicePanel(QtWidgets.QWidget):
         self.pings.setValue(order.pings)
 
     def _order(self) -> ScanOrder:
-        """Return the order in the fields. Raises ValueError if it is impossible."""
+        """Return the order in the fields. Raises InputError if it is impossible."""
         angles = self.start.value(), self.end.value(), self.step.value()
         return order_of_sector(*angles, self.sweeps.value(), self.pings.value())
 
     def _has_order(self, order: ScanOrder) -> bool:
         try:
             return self._order() == order
-        except ValueError:
+        except InputError:
             return False
 
     def _show_summary(self) -> ScanOrder | None:
         """Show a summary of the scan and return its order; None if the settings are invalid."""
         try:
             order = self._order()
-        except ValueError as error:
+        except InputError as error:
             self.summary.setText(f"⚠ {error}")
             return None
         endless = self.endless.isChecked()

@@ -18,13 +18,12 @@ from PySide6.QtGui import QColor, QHideEvent, QIcon, QPainter, QPen, QPixmap, QS
 from sonarhw_compare.edits import remove_surface
 from sonarhw_compare.fit.quantities import NEAR, QUANTITIES, Offer
 from sonarhw_compare.match import Kind
-from sonarhw_compare.pictures import points_at
 from sonarhw_compare.rooms.effort import Effort
 from sonarhw_sim.predict.predicted_scan import standpoints
 from sonarhw_sim.room.room import Room
 
 from sonarhw.errors import InputError, counted, in_degrees
-from sonarhw.readings import BoolArray, FloatArray
+from sonarhw.readings import BoolArray, FloatArray, points_at
 from sonarhw_gui.jobs import searches
 from sonarhw_gui.jobs.searches import rows
 from sonarhw_gui.model.edits import Edit, with_room

@@ -3,10 +3,8 @@
 import math
 from dataclasses import dataclass
 
-from sonarhw.errors import counted
-from sonarhw.readings import ScanOrder, headings_between
-from sonarhw.wire.limits import MOST_READINGS
-from sonarhw.wire.messages import microdegrees_of
+from sonarhw.errors import InputError, counted
+from sonarhw.readings import ScanOrder, check_order, headings_between
 from sonarhw.wire.readings_of_frames import MOST_DRIFT
 from sonarhw_gui.session.scanner import IDLE, JobState, LinkState, Phase, ScanSettings, trouble
 
@@ -107,16 +105,13 @@ UNKNOWN = "–"
 def order_of_sector(start: float, stop: float, step: float, sweeps: int, pings: int) -> ScanOrder:
     """Return the scan order of a sector in degrees, excluding `stop`, in either direction.
 
-    Raises ValueError, with a message for the user, if the sector is empty or the protocol does not allow the scan.
+    Raises InputError if the sector is empty or the protocol cannot state the order.
     """
     if stop == start:
-        raise ValueError("the sector is empty: “from” and “to” are equal")
+        raise InputError("the sector is empty: “from” and “to” are equal")
     step = math.copysign(step, stop - start)
     order = ScanOrder(math.radians(start), math.radians(step), headings_between(start, stop, step), sweeps, pings)
-    if microdegrees_of(order.step) == 0:
-        raise ValueError("the step is too small for the protocol")
-    if order.readings > MOST_READINGS:
-        raise ValueError(f"{order.readings} readings: a scan can have {MOST_READINGS} at most")
+    check_order(order)
     return order
 
 

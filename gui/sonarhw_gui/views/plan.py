@@ -23,13 +23,12 @@ from PySide6.QtGui import (
 )
 from PySide6.QtSvg import QSvgRenderer
 from sonarhw_compare.edits import Point
-from sonarhw_compare.pictures import points_at
 from sonarhw_compare.sound import counted_position
 from sonarhw_sim.predict.predicted_scan import standpoints
 from sonarhw_sim.room.room_file import MAX_COORDINATE
 
 from sonarhw.errors import InputError
-from sonarhw.readings import FloatArray
+from sonarhw.readings import FloatArray, points_at
 from sonarhw_gui import widgets
 from sonarhw_gui.model.edits import Edit, bearing, with_post, with_wall
 from sonarhw_gui.model.look import LengthUnit, Look, ViewLayer

@@ -10,12 +10,11 @@ from PySide6.QtCore import QPointF, QRectF, QSizeF, Qt
 from PySide6.QtGui import QColor, QFont, QFontMetricsF, QPainter, QPainterPath, QPen, QPolygonF
 from PySide6.QtWidgets import QGraphicsPathItem
 from sonarhw_compare.edits import Point, corners
-from sonarhw_compare.pictures import points_at
 from sonarhw_compare.sound import Pulse, counted_position, moment_at
 from sonarhw_sim.room.room import Room
 
 from sonarhw.errors import heading_text
-from sonarhw.readings import FloatArray
+from sonarhw.readings import FloatArray, points_at
 from sonarhw_gui.model.look import Class, Look, ViewLayer
 from sonarhw_gui.model.scene import beam_wedge, bounce_labels, half_power_angle, surface_outlines, wall_lines
 from sonarhw_gui.model.shown import NO_POINTS, NOT_FOUND, FoundDrawing, Shown, TrackDrawing, chosen_path

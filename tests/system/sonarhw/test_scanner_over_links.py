@@ -2,6 +2,7 @@
 
 import math
 import os
+import re
 import socket
 import subprocess
 import sys
@@ -240,11 +241,20 @@ def test_a_stop_by_a_signal_handler_while_a_recording_begins_does_not_block(serv
         assert scanner.turn(0.1) is Outcome.DONE
 
 
-def test_a_request_that_does_not_fit_a_message_is_refused_before_it_is_sent(served: Serve) -> None:
+def test_an_order_that_the_protocol_cannot_state_is_refused_before_it_is_sent(served: Serve) -> None:
+    impossible = {
+        "headings: expected a whole number from 1 to 65535, got 70000": ScanOrder(0.0, 0.1, headings=70_000),
+        "headings: expected a whole number from 1 to 65535, got 0": ScanOrder(0.0, 0.1, headings=0),
+        "pings: expected a whole number from 1 to 255, got 256": ScanOrder(0.0, 0.1, headings=2, pings=256),
+        "step: expected a finite number": ScanOrder(0.0, math.nan, headings=2),
+        "too fine; expected 0.000001° or more": ScanOrder(0.0, 1e-9, headings=2),
+        "are possible; reduce one of them": ScanOrder(0.0, 0.1, headings=65_535, sweeps=65_535, pings=2),
+    }
     with served() as endpoint, Scanner.open(endpoint.url) as scanner:
         scanner.home()
-        with pytest.raises(InputError, match="StartScan cannot be sent"):
-            list(scanner.scan(ScanOrder(0.0, 0.1, headings=70_000)))
+        for message, order in impossible.items():
+            with pytest.raises(InputError, match=re.escape(message)):
+                list(scanner.scan(order))
         check_scan(list(scanner.scan(ORDER)))
 
 
