@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cached_property
 from typing import Self
 
 from sonarhw.sound_speed import speed_of_sound
@@ -21,7 +22,7 @@ class Air:
     relative_humidity: float = 0.5  # 0..1
     pressure_kpa: float = 101.325
 
-    @property
+    @cached_property
     def speed_of_sound(self) -> float:
         """Speed of sound, m/s."""
         return self.speed_at(self.temperature_c)
