@@ -213,7 +213,7 @@ def _report_import(scan: "ImportedScan", out: Path, board: "Board | None") -> No
     echoes = sum(reading.range is not None for reading in scan.readings)
     options.print_note(f"{counted(len(scan.readings), 'reading')}, {echoes} with an echo, in {out}")
     for doubt in scan.doubts(board):
-        options.warn(doubt)
+        options.warn(_with_options(doubt))
 
 
 def _board_in(metadata: "LogMetadata") -> "Board | None":
@@ -225,9 +225,15 @@ def _board_in(metadata: "LogMetadata") -> "Board | None":
 
 def _with_options(question: str) -> str:
     """Return a question with the options of this command in place of the keys of a URL."""
-    keys = rf"(?<![\w-])({'|'.join(_keys())})=(\S*)"
-    plain = re.sub(keys, lambda key: f"--{key[1].replace('_', '-')} {key[2]}".rstrip(), question)
-    return re.sub(r"(?<![\w-])decimal_comma: only", "--decimal-comma: only", plain)
+    of_file = r"(?<!\w)'[^']*'(?!\w)|\"[^\"]*\""  # quoted, not a key
+    keys = rf"{of_file}|(?<![\w-])(?:({'|'.join(_keys())})=(\S*)|decimal_comma(?=: only))"
+
+    def option(found: re.Match[str]) -> str:
+        if found[1]:
+            return f"--{found[1].replace('_', '-')} {found[2]}".rstrip()
+        return found[0].replace("decimal_comma", "--decimal-comma")
+
+    return re.sub(keys, option, question)
 
 
 def _metadata(room_name: str | None, place: str | None, board: str | None) -> "LogMetadata":

@@ -165,9 +165,13 @@ class ImportedScan(GivenScan):
         texts = []
         of_traces = all(reading.trace is not None for reading in readings)  # which have echoes only with a threshold
         for doubt in check_scan(readings, reach, self.silent):
-            if (doubt.kind == "means" and self.mean_of is not None) or (doubt.kind == "no echo" and of_traces):
+            if doubt.kind == "means" and self.mean_of is not None:
                 continue
             text = str(doubt)
+            if doubt.kind == "no echo" and of_traces:
+                text = (
+                    f"{doubt.problem}: they are traces; threshold=SHARE reads an echo from each after blanking=SECONDS"
+                )
             if doubt.silent is not None:
                 number = "NUMBER" if self.scale is None else f"{doubt.silent / self.scale:.6g}"
                 text = text.replace(f"echo {doubt.silent:.6g}`", f"echo {number}`")

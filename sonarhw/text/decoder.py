@@ -4,6 +4,8 @@ import codecs
 import re
 from collections import Counter, deque
 from dataclasses import replace
+from functools import reduce
+from operator import xor
 from statistics import median
 
 from sonarhw.text.layouts import BinaryFrame, Layout
@@ -172,7 +174,7 @@ class LineDecoder:
         line, encoding = text_of(raw)
         if encoding != "utf-8":
             self.encoding = encoding
-        return None if line is None else without_stamp(line)
+        return None if line is None else unwrapped(line)
 
 
 class BinaryDecoder:
@@ -234,17 +236,22 @@ def make_decoder(layout: Layout, begins_whole: bool = False) -> Decoder:
     return LineDecoder(layout.make_format(matching), begins_whole)
 
 
-_STAMP = re.compile(
-    r"\[?(?:\d{4}-\d\d-\d\d[ T])?\d\d:\d\d:\d\d(?:[.,]\d{1,6})?\]?\s*(?:->|>|:|\s|\|)\s*(?=\S)"  # serial monitors
+_DATE = r"(?:\d{4}[-/.]\d\d[-/.]\d\d|\d\d?[-/.]\d\d?[-/.]\d{4}|[^\W\d_]{3,4}\.? {1,2}\d\d?)"
+_TIME = r"\d\d?:\d\d:\d\d(?:[.,]\d{1,9})?(?: ?[AP]M)?(?:Z|[+-]\d\d:?\d\d)?"
+_STAMP = re.compile(  # of serial monitors and loggers; before a tab it may be a column of a table
+    rf"[\[(]?(?:{_DATE}[ T,_]+)?{_TIME}[\])]?(?:\s*(?:->|[>:|-]) *|\t(?!.*\t)| +)(?:\[RX\][ :-]*)?(?=\S)"
 )
+_SENTENCE = re.compile(r"[$!]([^*$!]+)\*([0-9A-Fa-f]{2})")  # of NMEA 0183, with its checksum
 _CAPTURE = re.compile(
     r"=~=~=~.*|\*{3,}.*|-{3,}.*|Welcome to minicom.*|OPTIONS:.*|Press CTRL-A.*|Terminal log file.*|[-=_*#~]+"
 )
 
 
-def without_stamp(line: str) -> str:
-    """Return a line without what terminal programs add: a time before it, or the whole line of a PuTTY log."""
+def unwrapped(line: str) -> str:
+    """Return a line without what is around it: a time, name and checksum of a sentence; no line of a PuTTY log."""
     plain = _STAMP.sub("", line, count=1) if _STAMP.match(line) else line
+    if (sentence := _SENTENCE.fullmatch(plain)) and reduce(xor, sentence[1].encode()) == int(sentence[2], 16):
+        return sentence[1].partition(",")[2]
     return "" if _CAPTURE.fullmatch(plain) else plain
 
 

@@ -124,6 +124,11 @@ class Layout:
         return self.preset in ("csv", "jsonl")
 
     @property
+    def prints_angle(self) -> bool:
+        """Whether readings have angles."""
+        return self._properties()[0]
+
+    @property
     def example(self) -> str:
         """A line that the layout reads, or the pattern."""
         return PRESETS[self.preset].example if self.preset else self.pattern

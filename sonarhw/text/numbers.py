@@ -127,6 +127,15 @@ def number_of(text: str) -> float:
     return float(plain)
 
 
+def is_number(text: str) -> bool:
+    """Return whether a text is a printed number."""
+    try:
+        number_of(text)
+    except ValueError:
+        return False
+    return True
+
+
 @dataclass(frozen=True)
 class LineFormat:
     """How the device prints a reading."""

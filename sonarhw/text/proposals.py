@@ -8,7 +8,7 @@ from functools import partial
 from itertools import pairwise
 from statistics import median
 
-from sonarhw.text.decoder import make_decoder, text_of, utf16_of, without_stamp
+from sonarhw.text.decoder import make_decoder, text_of, unwrapped, utf16_of
 from sonarhw.text.evidence import (
     BY_SWEEP,
     DEGREES_ASSUMED,
@@ -27,9 +27,18 @@ from sonarhw.text.evidence import (
     sweeps,
 )
 from sonarhw.text.layouts import ANGLE_DISTANCE, PRESETS, Layout
-from sonarhw.text.numbers import GROUPS_TEXT, LINE_ENDS, Printed, ends_of, number_of, numbers_of
+from sonarhw.text.numbers import GROUPS_TEXT, LINE_ENDS, Printed, ends_of, is_number, number_of, numbers_of
 from sonarhw.text.patterns import parse_template
-from sonarhw.text.tables import ColumnNames, Columns, cells_of, column_names, columns_of, json_records, named_columns
+from sonarhw.text.tables import (
+    ColumnNames,
+    Columns,
+    cells_of,
+    column_names,
+    columns_of,
+    is_header,
+    json_records,
+    named_columns,
+)
 from sonarhw.text.words import (
     STEP,
     UNIT_NAMES,
@@ -146,7 +155,9 @@ def sweep_text(proposal: LayoutProposal) -> tuple[str, ...]:
     headings = [reading.heading for reading in readings if reading.heading is not None]
     scales = {reading.scale for reading in readings}
     numbers = [number for reading in readings for number in reading.numbers]
-    turned = f"angles {min(headings):g}° to {max(headings):g}°" if headings else "no angles"
+    asked = {key for question in proposal.questions for answer in question.answers for key in answer}
+    unit = "" if asked & {"step", "angle"} else "°"
+    turned = f"angles {min(headings):g}{unit} to {max(headings):g}{unit}" if headings else "no angles"
     silent = sum(not reading.numbers for reading in readings)
     if None in scales or not numbers:
         reach = f"ranges {min(numbers, default=0):g} to {max(numbers, default=0):g}"
@@ -160,7 +171,7 @@ def sweep_text(proposal: LayoutProposal) -> tuple[str, ...]:
 
 def _lines(data: bytes, ends: re.Pattern[bytes]) -> list[str]:
     texts = (text_of(raw)[0] for raw in ends.split(data))
-    return [plain for text in texts if text and (plain := without_stamp(text).strip(" ")).strip()]
+    return [plain for text in texts if text and (plain := unwrapped(text).strip(" ")).strip()]
 
 
 _ENDS = ".#;!$>)]}|/&~* "  # characters that may separate readings, the most usual first
@@ -211,8 +222,8 @@ def _step_question(stated: Layout, sensors: int) -> tuple[Question, ...]:
     turn = "the turn of the table between two readings"
     if sensors > 1:
         even = f" ({360 / sensors:g} if they are evenly spaced around a circle)" if sensors <= 24 else ""
-        turn = f"those from one of the {sensors} numbers of a line to the next{even}"
-    return (Question(f"no angle is printed; DEGREES are {turn}", ({"step": "DEGREES"},)),)
+        turn = f"the turn from one of the {sensors} numbers of a line to the next{even}"
+    return (Question(f"no angle is printed; DEGREES is {turn}", ({"step": "DEGREES"},)),)
 
 
 _Order = tuple[list[Printed], bool | None]  # the readings, and whether the pauses agree with the order
@@ -450,9 +461,9 @@ def text_table(data: bytes, decimal_comma: bool = False, names: Sequence[str] = 
 
 def _headers(lines: list[str], cut: list[list[str]]) -> Iterator[tuple[int, list[list[str]]]]:
     """Yield the lines that may be headers, and the rows below."""
-    for number, line in enumerate(lines[:-1]):
+    for number in range(len(lines) - 1):
         cells, below = cut[number], cut[number + 1 :]
-        if len(cells) < 2 or not any(char.isalpha() for char in line) or _is_numeric(cells):
+        if not is_header(cells):
             continue
         rows = [row for row in below if _is_row(row, len(cells))]
         if len(rows) >= max(min(FEWEST, len(below)), _SHARE * len(below)):
@@ -463,7 +474,7 @@ def _is_row(cells: Sequence[str], count: int) -> bool:
     """Return whether these are cells of a reading: two numbers, or a number and no echo; empty ones may follow."""
     if len(cells) < count or any(cells[count:]):
         return False
-    numbers = sum(map(_is_number_text, cells))
+    numbers = sum(map(is_number, cells))
     return numbers >= 2 or (numbers == 1 and any(not cell or is_no_echo(cell) for cell in cells))
 
 
@@ -535,20 +546,8 @@ def _pattern_of_columns(lines: list[str], columns: Columns, angle: Decision, rea
     return replace(stated, preset="", pattern=separator.join(fields), unit=unit, angle=None, ends="")
 
 
-def _is_number_text(text: str) -> bool:
-    try:
-        number_of(text)
-    except ValueError:
-        return False
-    return True
-
-
-def _is_numeric(cells: Sequence[str]) -> bool:
-    return sum(map(_is_number_text, cells)) >= 2
-
-
 def _column(rows: Iterable[Sequence[str]], k: int) -> list[float]:
-    return numbers_of([row[k] for row in rows if _is_number_text(row[k])])
+    return numbers_of([row[k] for row in rows if is_number(row[k])])
 
 
 # lines of words and numbers
@@ -598,9 +597,9 @@ def _numbers(
             continue
         for group in _records(tokens, begins_whole):
             proposal = _of_records(group, lines, ends, stated, named, header)
-            if proposal.layout is not None:
+            if proposal.layout is not None and proposal.layout.prints_angle:
                 return proposal
-            if proposal.questions and not best.questions:
+            if (proposal.layout and not best.layout) or (proposal.questions and not best.questions):
                 best = proposal
     return best
 
@@ -733,7 +732,7 @@ def _phrase(text: str, german_words: Iterable[str]) -> NameMeaning:
     return whole
 
 
-_SUFFIX = re.compile(r"\s*([^\W\d_]+|[°º\"'])(?![^\W\d_])\.?\s*([:=]?)")
+_SUFFIX = re.compile(r"\s*§?([^\W\d_]+|[°º\"'])(?![^\W\d_])\.?\s*([:=]?)")
 
 
 def _labels(literals: Sequence[str], named: list[NameMeaning] | None) -> list[Label]:
@@ -783,6 +782,18 @@ def _combined(key: NameMeaning, suffix: NameMeaning) -> NameMeaning:
     return key
 
 
+def _clock(records: _Records) -> set[int]:
+    """Return the columns of hours, minutes and seconds: 14:02:07."""
+    literals = [literal.strip() for literal in records.literals]
+    rows = [[text for line in row for text in line.numbers] for row in records.rows]
+    starts = [k for k in range(len(literals) - 3) if literals[k + 1] == literals[k + 2] == ":"]
+    of_clock = [k for k in starts if all(_MINUTES.match(row[k + 1]) and _MINUTES.match(row[k + 2]) for row in rows)]
+    return {k + place for k in of_clock for place in range(3)}
+
+
+_MINUTES = re.compile(r"[0-5]\d(?:[.,]|$)")
+
+
 def _of_records(
     records: _Records, lines: list[str], ends: str, stated: Layout, named: list[NameMeaning] | None, header: str
 ) -> LayoutProposal:
@@ -794,7 +805,11 @@ def _of_records(
         return ring
     if count > 12:
         return LayoutProposal()
-    labels, example = _labels(literals, named), lines[len(lines) // 2][:60]
+    example, clock = lines[len(lines) // 2][:60], _clock(records)
+    labels = [
+        Label(NameMeaning(ColumnKind.TIME), True) if k in clock else label
+        for k, label in enumerate(_labels(literals, named))
+    ]
     if between := next((label.between for label in labels if label.between), ""):
         either = "a name or the unit of an angle or of a range"
         if "…" not in between:

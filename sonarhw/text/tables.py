@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
-from sonarhw.text.numbers import HEADER, LINE_ENDS, LineFormat, Printed, Read, Units, number_of
+from sonarhw.text.numbers import HEADER, LINE_ENDS, LineFormat, Printed, Read, Units, is_number, number_of
 from sonarhw.text.words import (
     ANGLE_UNITS,
     RANGE_UNITS,
@@ -183,16 +183,25 @@ def csv_format(units: Units, names: ColumnNames | None = None) -> LineFormat:
 
     def read(line: str) -> Read:
         nonlocal columns, below
+        header: Columns | str | None
         if any(char.isalpha() for char in line):
             cells = split(line)
             again = names is None or columns is None or names.heading in cells
-            header = columns_of(cells) if names is None else named_columns(cells, names) if again else None
+            if names is not None:
+                header = named_columns(cells, names) if again else None
+            else:
+                header = columns_of(cells) if is_header(cells) else None
             if isinstance(header, Columns) and not isinstance(parse(line, header), tuple):
                 columns, below = header, True
                 return HEADER
         return parse(line, columns)
 
     return LineFormat(read, LINE_ENDS, lambda line: isinstance(parse(line, columns), tuple))
+
+
+def is_header(cells: Sequence[str]) -> bool:
+    """Return whether a line may name columns: it has words, and no numbers."""
+    return len(cells) > 1 and any(map(words_of, cells)) and not any(map(is_number, cells))
 
 
 def _time_in(cells: list[str], columns: Columns) -> float | None:
@@ -205,6 +214,7 @@ def _time_in(cells: list[str], columns: Columns) -> float | None:
         return None
 
 
+_COMMENT = re.compile(r"[#%]+\s*(?=[^\W\d])")  # before the names of columns
 _MOST_QUOTED = 100_000  # characters of a line; the library refuses cells that are little longer
 
 
@@ -213,6 +223,7 @@ def cells_of(line: str, commas_separate: bool = True) -> list[str]:
 
     Between semicolons, tabs or bars, a comma is that of a decimal number. A cell in quotes may contain any of them.
     """
+    line = _COMMENT.sub("", line)
     mark = next((mark for mark in ";\t|" if mark in line), "," if commas_separate else "")
     if mark and mark in line:
         quoted = len(line) <= _MOST_QUOTED and re.search(rf'(?:^|{re.escape(mark)})\s*"', line) is not None
@@ -230,7 +241,7 @@ def json_format(units: Units) -> LineFormat:
         printed = [_of_record(record, units) for record in json_records(line)]
         return tuple(reading for reading in printed if reading is not None) or None
 
-    return LineFormat(read, LINE_ENDS, lambda line: isinstance(read(line), tuple))
+    return LineFormat(read, LINE_ENDS, lambda line: line.startswith(("{", "[")) and isinstance(read(line), tuple))
 
 
 def _of_record(record: dict[str, Any], units: Units) -> Printed | None:
@@ -263,12 +274,12 @@ _SCAN_KEYS = ("angle_min", "angle_increment", "ranges")  # of the message LaserS
 def json_records(line: str) -> list[dict[str, Any]]:
     """Return the values of each reading in a JSON text by their keys; of a key in several objects, by all keys.
 
-    A text is an object, a list of objects, or an object with a list of angles and one of ranges.
+    A text is an object, a list of objects, or an object with a list of angles and one of ranges. Other text may stand
+    before it, such as the name of a topic.
     """
-    if not line.startswith(("{", "[")):
-        return []
+    begin = 0 if line.startswith("[") else line.find("{")
     try:
-        return [*_records_in(json.loads(line))]
+        return [*_records_in(json.loads(line[begin:]))] if begin >= 0 else []
     except (ValueError, RecursionError):
         return []
 

@@ -109,7 +109,7 @@ def test_guess_finds_a_rangefinder_without_angle(capsys: pytest.CaptureFixture[s
     with PrintingDevice(b"R%04d\r" % k for k in range(500, 5000)) as device:
         assert run(["ports", "--guess", device.port]) == 0
         turn = "the turn of the table between two readings"
-        undecided = f"no angle is printed; DEGREES are {turn}: add step=DEGREES"
+        undecided = f"no angle is printed; DEGREES is {turn}: add step=DEGREES"
         url = f"lines:{device.port}?baud=9600&preset=maxbotix&unit=mm"
     out, err = capsys.readouterr()
     first, *details = out.splitlines()

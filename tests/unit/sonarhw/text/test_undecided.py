@@ -1,5 +1,8 @@
 """Text whose layout is not certain gives no layout: a wrong one would give wrong readings in silence."""
 
+from functools import reduce
+from operator import xor
+
 import pytest
 
 from sonarhw.text.proposals import propose
@@ -38,7 +41,20 @@ READ = {  # a pattern and the end of a line, and how their text is read
     ("\x1b[32m{angle}\x1b[0m\t{range:.2f}", "\n"): "csv",
     ("{start}theta: {angle} Dist: {range:.2f}", "\n"): "{text}theta: {deg} Dist: {range}",
     ("{time},{angle},{range:.1f}", "\n"): "{-},{deg},{range}",  # the time jumps back where the device restarts
+    ("{angle},{range:.1f}cm", "\n"): "{deg},{cm}cm",  # no marks of thousands
+    ("2024-03-01T{clock}Z {angle} deg {range:.1f} cm", "\n"): "{deg} deg {cm} cm",
+    ("01/03/2024 {clock} [RX] - {angle} deg {range:.1f} cm<CR><LF>", "\n"): "{deg} deg {cm} cm<CR><LF>",
+    ("up {clock} {angle} deg {range:.1f} cm", "\n"): "up {-}:{-}:{-} {deg} deg {cm} cm",
+    ('radar/scan {{"angle": {angle}, "distance": {range:.1f}, "unit": "cm"}}', "\n"): "jsonl",
+    (">angle:{angle}\n>distance:{range:.1f}§cm", "\n"): ">angle:{deg}\\n>distance:{cm}§cm",
+    ("Angolo: {angle} Distanza: {words}", "\n"): "Angolo: {deg} Distanza: {cm} cm",
+    ("{sentence}", "\r\n"): "{deg},{range},cm",
 }
+
+
+def sentence(content: str) -> str:
+    """Return a sentence of NMEA 0183."""
+    return f"${content}*{reduce(xor, content.encode()):02X}"
 
 
 @pytest.mark.parametrize("lines", FEW.values(), ids=FEW)
@@ -67,6 +83,9 @@ def test_marks_and_names_are_not_mistaken(layout: tuple[str, str], read: str) ->
             signed=distance if k % 3 else -1,
             time=20 * (k % 100),
             start="S " if a == 0 else "",
+            clock=f"14:02:{0.055 * k:09.6f}",
+            words="fuori portata" if k % 9 == 4 else f"{distance:.0f} cm",
+            sentence=sentence(f"SONAR,{a},{distance:.1f},cm"),
         )
         for k, a in enumerate(ANGLES)
     ]
