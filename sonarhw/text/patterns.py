@@ -157,7 +157,7 @@ def _started_matching() -> "subprocess.Popen[str]":
 FIELD = re.compile(r"\{([^{}]*)\}")
 _NUMBER_TEXT = r"[+-]?(?:0x[\da-f]+|\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
 _COMMA_TEXT = rf"[+-]?(?:0x[\da-f]+|{GROUPS_TEXT}|\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?"
-_WORDS_TEXT = r"[^\W\d_][^\d,;|]*|--?-?"  # in place of a range
+_WORDS_TEXT = r"[^\W\d_][^\d,;|]*|--?-?|0"  # in place of a range with its unit
 _SKIPPED = r"[^\s,;|]*"
 _ANGLE_FIELDS = {"angle": None, "deg": "deg", "rad": "rad", "gon": "gon", "step": STEP}
 _RANGE_FIELDS = {"range": None, **{unit: unit for unit in RANGE_UNITS}}

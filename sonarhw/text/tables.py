@@ -200,8 +200,9 @@ def csv_format(units: Units, names: ColumnNames | None = None) -> LineFormat:
 
 
 def is_header(cells: Sequence[str]) -> bool:
-    """Return whether a line may name columns: it has words, and no numbers."""
-    return len(cells) > 1 and any(map(words_of, cells)) and not any(map(is_number, cells))
+    """Return whether a line may name columns: it has words, and neither numbers nor a version."""
+    numbers = any(is_number(cell.lower().removeprefix("v")) for cell in cells)
+    return len(cells) > 1 and any(map(words_of, cells)) and not numbers
 
 
 def _time_in(cells: list[str], columns: Columns) -> float | None:

@@ -48,6 +48,8 @@ READ = {  # a pattern and the end of a line, and how their text is read
     ('radar/scan {{"angle": {angle}, "distance": {range:.1f}, "unit": "cm"}}', "\n"): "jsonl",
     (">angle:{angle}\n>distance:{range:.1f}§cm", "\n"): ">angle:{deg}\\n>distance:{cm}§cm",
     ("Angolo: {angle} Distanza: {words}", "\n"): "Angolo: {deg} Distanza: {cm} cm",
+    ("Kulma: {angle} deg, Etäisyys: {zero}", "\n"): "Kulma: {deg} deg, Etäisyys: {mm} mm",
+    ("{banner}{angle};{range:.1f}", "\n"): "csv",
     ("{sentence}", "\r\n"): "{deg},{range},cm",
 }
 
@@ -85,6 +87,8 @@ def test_marks_and_names_are_not_mistaken(layout: tuple[str, str], read: str) ->
             start="S " if a == 0 else "",
             clock=f"14:02:{0.055 * k:09.6f}",
             words="fuori portata" if k % 9 == 4 else f"{distance:.0f} cm",
+            zero="0" if k % 9 == 4 else f"{distance:.0f} mm",
+            banner="Booting... v1.2\n" if k == 0 else "",
             sentence=sentence(f"SONAR,{a},{distance:.1f},cm"),
         )
         for k, a in enumerate(ANGLES)
@@ -92,6 +96,7 @@ def test_marks_and_names_are_not_mistaken(layout: tuple[str, str], read: str) ->
     whole = "".join(text + end for text in texts)
     proposal = propose(f"{whole}{ANGLES[0]},7".encode() if read == "csv" else whole.encode(), True)  # the last is cut
     assert (proposal.layout.preset or proposal.layout.pattern) == read
+    assert len(proposal.readings) >= len(ANGLES)
 
 
 def test_a_question_about_columns_is_not_avoided_by_other_ends_of_lines() -> None:
