@@ -210,9 +210,15 @@ def _record(
         _warn_of_another_count(terminal.count, request)
     _warn_of_the_link(scanner)
     if request.turns_by_itself and not metadata.room_text:
-        named = quote(str(log.path))
+        inputs_of_next = f"{quote(str(log.path))} --room room.toml"
+        if not (request.board or scanner.info.board):
+            options.print_note(f"board not stated: {board.name} recorded; below write yours in place of {_USUAL_BOARD}")
+            inputs_of_next += f" --board {_USUAL_BOARD}"
         options.print_note("next: sonarhw room new room.toml --size WxD --place X,Y,DEG, with your numbers in metres")
-        options.print_note(f"then: sonarhw compare {named} --room room.toml, or sonarhw gui {named} --room room.toml")
+        options.print_note(f"then: sonarhw compare {inputs_of_next}, or sonarhw gui {inputs_of_next}")
+
+
+_USUAL_BOARD = "hc-sr04"  # of devices that turn by themselves
 
 
 def _log(out: Path, metadata: "LogMetadata", force: bool) -> "LogWriter":

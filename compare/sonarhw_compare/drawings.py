@@ -122,6 +122,7 @@ def laid_out(figure: Figure) -> Figure:
 _SHADE_OF_LEGEND = 0.4  # opacity of the shading's sample
 _LIMITED, _LOWER, _HIGHER = "limited height", "lower than the transducer", "higher than the transducer"
 _LINES = {"": "-", _LIMITED: ":", _LOWER: ":", _HIGHER: "-."}  # of walls and posts
+_PLAN = 7.0  # inches, the longer side of the plan
 _MOVED = 1e-3  # m, more than the rounding of a room file
 
 
@@ -185,7 +186,10 @@ def _drawn_plan(
     if shading is not None:
         _draw_shading(axes, scan, shading)
         handles.append(Patch(color=pictures.PREDICTED, alpha=_SHADE_OF_LEGEND, label="probability of a range"))
-    figure.legend(handles=handles, loc="outside right upper")
+    figure.legend(handles=handles, loc="outside lower center", ncols=4)
+    extent = axes.dataLim
+    scale = _PLAN / max(extent.width, extent.height)
+    figure.set_size_inches(1 + max(_PLAN / 2, extent.width * scale), 1.5 + max(_PLAN / 4, extent.height * scale))
     return laid_out(figure)
 
 
