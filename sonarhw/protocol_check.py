@@ -26,7 +26,7 @@ from sonarhw.wire.readings_of_frames import (
 )
 
 _TRIES, _ANSWER_WITHIN = 3, 0.5  # s
-_HELLO_TRIES = 7
+_HELLO_TRIES = 6
 _SILENT = 0.5  # s after which the host sends a sign of life
 _BEAT_WITHIN = 1.5  # s; a heartbeat is due every 0.25 s
 _IDLE_WITHIN = 3.0  # s without the end of an action, while the device does not say that it is busy
