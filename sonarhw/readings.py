@@ -205,10 +205,10 @@ class ScanOrder:
         return sweep, self.start + self.step * index, ping
 
 
-_MOST_ANGLE = 37.0  # rad; a message holds angles up to 2147 degrees
+MOST_ANGLE = 37.0  # rad; a message holds angles up to 2147 degrees
 _ORDER_CHECKS = {
-    "start": arguments.number(-_MOST_ANGLE, _MOST_ANGLE, "rad"),
-    "step": arguments.number(-_MOST_ANGLE, _MOST_ANGLE, "rad"),
+    "start": arguments.number(-MOST_ANGLE, MOST_ANGLE, "rad"),
+    "step": arguments.number(-MOST_ANGLE, MOST_ANGLE, "rad"),
     "headings": arguments.whole(1, 65_535),
     "sweeps": arguments.whole(1, 65_535),
     "pings": arguments.whole(1, 255),

@@ -21,14 +21,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol, TypeAlias, TypeVar
 
-from sonarhw import errors, files
+import numpy as np
+
+from sonarhw import arguments, errors, files
 from sonarhw.host import scripts
 from sonarhw.host.scripts import turning
 from sonarhw.host.session import PATIENCE, RECONNECT, Connection, Recorder, Session
 from sonarhw.link import MOST, Link, LinkStatistics, PortFinder
 from sonarhw.log import LogWriter
 from sonarhw.plugins.plugin_device import PluginLink
-from sonarhw.readings import Reading, ScanOrder, check_order, sector
+from sonarhw.readings import MOST_ANGLE, Reading, ScanOrder, check_order, sector
 from sonarhw.scan_check import Reach, check_scan
 from sonarhw.sound_speed import ScanAir
 from sonarhw.wire import messages
@@ -416,6 +418,9 @@ class Scanner:
         self._changed = self._thread.changed
 
     @classmethod
+    @arguments.checked(
+        url=arguments.text, patience=arguments.number(0.0, unit="s"), reconnect=arguments.number(0.0, unit="s")
+    )
     def open(
         cls,
         url: str,
@@ -536,6 +541,9 @@ class Scanner:
         """
         return self._scan.unverified_angles if self._scan else None
 
+    @arguments.checked(
+        recorder=arguments.instance((Recorder, type(None)), "None, or an object with methods `frame` and `reading`")
+    )
     def record(self, recorder: Recorder | None) -> None:
         """Pass the greeting and then every frame and reading to `recorder`. None ends the recording.
 
@@ -552,6 +560,17 @@ class Scanner:
 
     # actions
 
+    @arguments.checked(
+        listen=arguments.number(0.0, unit="s"),
+        blanking=arguments.number(0.0, unit="s"),
+        trace=arguments.instance((bool, np.bool_, messages.TraceKind), "True, False or a TraceKind"),
+        speed_of_sound=arguments.number(0.0, unit="m/s"),
+        pulses=arguments.whole(0, 255),
+        echoes=arguments.whole(1, 255),
+        rearm=arguments.number(0.0, unit="s"),
+        trace_rate=arguments.number(0.0, unit="Hz"),
+        trace_bits=arguments.whole(0, 255),
+    )
     def configure(
         self,
         listen: float = 0.0625,
@@ -589,6 +608,12 @@ class Scanner:
         )
         return ping_settings(self._answer(scripts.configuring(request), messages.Settings))
 
+    @arguments.checked(
+        speed=arguments.number(0.0, unit="rad/s"),
+        acceleration=arguments.number(0.0, unit="rad/s²"),
+        settling=arguments.number(0.0, unit="s"),
+        approach=arguments.instance(messages.Approach, "an Approach"),
+    )
     def configure_turntable(
         self,
         speed: float = 0.0,
@@ -610,6 +635,9 @@ class Scanner:
         )
         return turn_settings(self._answer(scripts.configuring_turntable(request), messages.TurntableSettings))
 
+    @arguments.checked(
+        change=arguments.instance(messages.Wiring, "a Wiring"), inverted=arguments.instance(messages.Wiring, "a Wiring")
+    )
     def configure_wiring(
         self, change: messages.Wiring = messages.Wiring(0), inverted: messages.Wiring = messages.Wiring(0)
     ) -> messages.Wiring:
@@ -643,6 +671,7 @@ class Scanner:
         """Return the counters of the device since it started. Raises CommandRefused if its firmware is too old."""
         return self._answer(scripts.requesting(messages.AskStatistics()), messages.Statistics)
 
+    @arguments.checked(here=arguments.flag)
     def home(self, here: bool = False) -> messages.Outcome:
         """Home the turntable, or with `here` make its present angle the zero. Returns DONE, or STOPPED after `stop`.
 
@@ -653,16 +682,19 @@ class Scanner:
             self._refuse_at_plugin("the zero of this device cannot be set by a command")
         return self._outcome(scripts.zeroing() if here else scripts.homing())
 
+    @arguments.checked(angle=arguments.number(-MOST_ANGLE, MOST_ANGLE, "rad"))
     def turn(self, angle: float) -> messages.Outcome:
         """Turn to `angle`, rad, and home first if needed. Returns and raises what `home` does."""
         self._refuse_at_plugin(_NO_TURNTABLE)
         return self._outcome(turning(messages.Turn(messages.microdegrees_of(angle))))
 
+    @arguments.checked(angle=arguments.number(-MOST_ANGLE, MOST_ANGLE, "rad"))
     def jog(self, angle: float) -> messages.Outcome:
         """Turn by `angle`, rad, at most 10 degrees, without homing. Returns and raises what `home` does."""
         self._refuse_at_plugin(_NO_TURNTABLE)
         return self._outcome(scripts.jogging(messages.Turn(messages.microdegrees_of(angle), relative=1)))
 
+    @arguments.checked(order=arguments.instance(ScanOrder, "a ScanOrder, such as `sonarhw.sector(0, 360, 5)`"))
     def scan(self, order: ScanOrder | None = None) -> Iterator[Reading]:
         """Scan, and yield each reading once when it is complete. A reading that was sent again may be out of order.
 

@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 from enum import StrEnum
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from sonarhw import errors
 from sonarhw.host.driver import Driver
@@ -18,6 +18,7 @@ from sonarhw.wire.messages import Capabilities, Heartbeat, Hello, Info, Outcome,
 from sonarhw.wire.readings_of_frames import DeviceClock
 
 
+@runtime_checkable
 class Recorder(Protocol):
     """Receives frames and readings in order, in the thread that drives the scanner. `LogWriter` writes a file.
 

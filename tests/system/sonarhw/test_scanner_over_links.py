@@ -258,6 +258,22 @@ def test_an_order_that_the_protocol_cannot_state_is_refused_before_it_is_sent(se
         check_scan(list(scanner.scan(ORDER)))
 
 
+def test_a_wrong_argument_is_named_before_anything_is_sent(served: Serve) -> None:
+    with served() as endpoint, Scanner.open(endpoint.url) as scanner:
+        mistakes: list[tuple[str, Callable[[], object]]] = [
+            ("listen: expected a finite number", lambda: scanner.configure(listen=math.nan)),
+            ("trace: expected True, False or a TraceKind, got 'raw'", lambda: scanner.configure(trace="raw")),  # type: ignore[arg-type]
+            ("pulses: expected a whole number from 0 to 255, got 2.5", lambda: scanner.configure(pulses=2.5)),  # type: ignore[arg-type]
+            ("angle: expected a finite number (rad) from -37 to 37, got 90.0", lambda: scanner.turn(90.0)),
+            ("order: expected a ScanOrder", lambda: scanner.scan(5)),  # type: ignore[arg-type]
+            ("recorder: expected None, or an object", lambda: scanner.record("scan.mcap")),  # type: ignore[arg-type]
+        ]
+        for message, call in mistakes:
+            with pytest.raises(InputError, match=re.escape(message)):
+                call()
+        check_scan(list(scanner.scan(ORDER)))
+
+
 def test_a_line_with_a_settable_speed_uses_its_highest_speed(tmp_path: Path) -> None:
     board = FakeBoard(PlainEchoes(), identity=BoardIdentity(bauds=(250_000, 500_000, 1_000_000)))
     with serve(board, pty=tmp_path / "scanner", pace=20.0) as endpoint, Scanner.open(endpoint.url) as scanner:
