@@ -317,7 +317,8 @@ class TextDevice(DevicePlugin):
         stated = (f"range in {UNIT_NAMES[names[0]]}: as the text states",) if by_text else ()
         named = layout.preset == "jsonl" or self._decoder.has_header
         angle = (str(angle_question(self._heard, named=named) or DEGREES_ASSUMED),) if self._heard else ()
-        counted = ("no angle is printed: the first reading of the scan is at angle 0",) if self._steps else ()
+        begins = "no angle is printed: the first reading of the scan is at angle 0; `sonarhw locate` finds its heading"
+        counted = (begins,) if self._steps else ()
         return (*stated, *self._unit.notes, *angle, *counted, *self._order_notes())
 
     def _order_notes(self) -> tuple[str, ...]:

@@ -257,10 +257,10 @@ def _line(text: str, part: str) -> _Line:
         raise InputError(f"pattern {text!r}: expected one repetition [...]... in a line")
     core = repetition[1].rstrip(" ,;:|\t")
     body = _piece(text, core, repetition[1][len(core) :])
-    separator = _literal(repetition[1][len(core) :], True)  # may be missing after the last one
-    if separator:
-        body = replace(body, text=rf"{body.text}(?:{separator}|(?=\s*$))")
-    return _Line(_piece(text, part[: repetition.start()]), body, _piece(text, after))
+    separator, end = _literal(repetition[1][len(core) :], True), _piece(text, after)
+    if separator:  # may be missing after the last one
+        body = replace(body, text=rf"{body.text}(?:{separator}|(?=(?:{_without_groups(end.text)})?\s*$))")
+    return _Line(_piece(text, part[: repetition.start()]), body, end)
 
 
 def _piece(text: str, part: str, after: str = "") -> _Piece:

@@ -539,11 +539,19 @@ def _with_header(
 def _pattern_of_columns(lines: list[str], columns: Columns, angle: Decision, reach: Decision, stated: Layout) -> Layout:
     example = next((line for line in lines if len(cells_of(line)) == columns.count), "")
     separator = next((mark for mark in ";\t|," if mark in example), " ")
+    quoted = '"' if example.count('"') >= 2 * columns.count else ""
     fields = ["{-}"] * columns.count
     fields[columns.heading] = f"{{{angle.unit or 'angle'}}}"
     fields[columns.ranges[0]] = "{range}" if reach.unit is None or reach.assumed or stated.unit else f"{{{reach.unit}}}"
     unit = stated.unit or (reach.unit if reach.assumed else None)
-    return replace(stated, preset="", pattern=separator.join(fields), unit=unit, angle=None, ends="")
+    return replace(
+        stated,
+        preset="",
+        pattern=separator.join(f"{quoted}{field}{quoted}" for field in fields),
+        unit=unit,
+        angle=None,
+        ends="",
+    )
 
 
 def _column(rows: Iterable[Sequence[str]], k: int) -> list[float]:

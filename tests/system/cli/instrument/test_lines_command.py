@@ -146,7 +146,7 @@ def test_a_scan_of_an_unknown_board_names_it_in_the_next_commands(
     with PrintingDevice(b"R%04d\r" % k for k in range(500, 5000)) as device:
         assert run(["scan", f"lines:{device.port}?preset=maxbotix&step=5", "--out", str(log)]) == 0
     err = capsys.readouterr().err
-    assert "no angle is printed: the first reading of the scan is at angle 0\n" in err
+    assert "no angle is printed: the first reading of the scan is at angle 0; " in err
     assert f"board not stated: {read_log(log).metadata.board} recorded; " in err
     assert f"then: sonarhw compare {log} --room room.toml --board hc-sr04, or sonarhw gui {log} --room" in err
 

@@ -38,6 +38,7 @@ READ = {  # a pattern and the end of a line, and how their text is read
     ("{angle},{signed:.0f}", "\n"): "csv",
     ("a {angle}\nDuration: {time}\nDist: {range:.0f} cm", "\n"): "a {deg}\\nDuration: {-}\\nDist: {cm} cm",
     ("SCAN " + ";".join(f"{k},{{range:.0f}}" for k in range(0, 180, 10)) + ";END", "\n"): "SCAN [{deg},{range};]...END",
+    ("#" + ";".join(f"{k}:{{range:.0f}}" for k in range(0, 180, 10)) + "$", "\n"): "#[{deg}:{range};]...$",
     ("\x1b[32m{angle}\x1b[0m\t{range:.2f}", "\n"): "csv",
     ("{start}theta: {angle} Dist: {range:.2f}", "\n"): "{text}theta: {deg} Dist: {range}",
     ("{time},{angle},{range:.1f}", "\n"): "{-},{deg},{range}",  # the time jumps back where the device restarts
