@@ -11,6 +11,7 @@ import numpy as np
 from sonarhw_cli.outputs import CompilationProgress
 from sonarhw_compare import PlacedScan, locate_scan, map_scans
 from sonarhw_compare.fit.starting import agreement_by_turn, all_round, fit_scan
+from sonarhw_compare.locate import PoseSpread
 from sonarhw_compare.track import log_likelihood
 from sonarhw_sim import PredictionOptions, Receiver, RoomEchoes, Unit, load_board, load_room, predict_scan, predict_with
 from sonarhw_sim.air import DEFAULT_BOARD, Model
@@ -65,7 +66,7 @@ def compile_kernels() -> None:
         log_likelihood("laboratory", poses, [0.0, 1.0], [0.5, np.nan], of_board)
     readings = readings_of(headings, scan.ranges, room.air.speed_of_sound)
     fit_scan(readings, room, place, board, frozenset({"heading", "offset"}))
-    locate_scan(readings, room, board)
+    locate_scan(readings, room, board, expected=place, spread=PoseSpread(0.01, 0.01), rightly=True)
     map_scans([PlacedScan(readings, place)], board, room)
 
 
