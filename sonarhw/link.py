@@ -256,6 +256,10 @@ WRITE_WITHIN = 2.0  # s
 READ_PATIENCE = 0.05  # s for which a read waits for the first byte
 MOST = 4096  # most bytes of one read
 WITH_HOST = ("socket", "rfc2217")  # URL schemes with host and port
+_EXPECTED = (
+    "a serial port such as /dev/ttyUSB0, socket://HOST:PORT, 'fake:ROOM?place=NAME', or 'lines:PORT?preset=NAME' for a "
+    "device that prints text"
+)
 KNOWN_SCHEMES = ("alt", "cp2110", "hwgrep", "loop", "spy")
 # ImportError: a scheme needs a library that is not installed; the others: parts of a URL that pyserial does not check
 _OPENING_ERRORS = (SerialException, OSError, ValueError, ImportError, LookupError, TypeError, AttributeError)
@@ -378,8 +382,10 @@ def _check_url(url: str) -> None:
     """Raise InputError if `url` is invalid. The port itself is not checked."""
     scheme, separator, _ = url.partition("://")
     if not url.strip():
-        raise InputError("no URL: expected a serial port such as /dev/ttyUSB0, or socket://HOST:PORT")
+        raise InputError(f"no URL: expected {_EXPECTED}")
     if not separator:
+        if (word := re.match(r"([a-z]{2,}[\da-z]*):(?!\d+$)", url)) and not os.path.exists(url):
+            raise InputError(f"{url}: unknown scheme {word[1]}:; expected {_EXPECTED}")
         return
     if scheme in WITH_HOST:
         try:
@@ -484,15 +490,21 @@ def _why_not_open(url: str, error: Exception) -> LinkError:
         return LinkBusy(f"{url}: {', '.join(who)} {held} the port; close the other program that uses it and try again")
     if code == errno.EACCES or "Permission denied" in text or "PermissionError" in text:
         return LinkForbidden(f"{url}: no permission to open this port; {_how_to_get_permission(url)}")
+    if code == errno.ENOENT and sys.platform != "win32" and (port := re.search(r"COM\d+$", url)):
+        return LinkError(
+            f"{url}: there is no such port; {port[0]} is a name on Windows; here, ports have names such as "
+            "/dev/ttyUSB0; `sonarhw ports` lists the existing ones"
+        )
     if code == errno.ENOENT or "FileNotFoundError" in text:
-        likely = f"socket://{url}" if re.fullmatch(r"[\w.-]+:\d+", url) else f"/dev/{url}"
+        is_address = re.fullmatch(r"[\w.-]+:\d+|\d+(\.\d+){3}", url) is not None
+        likely = f"socket://{url}{'' if ':' in url else ':PORT'}" if is_address else f"/dev/{url}"
         is_device = url.startswith(("tty", "cu.")) or os.path.exists(likely)
         if rate := re.fullmatch(r"(/dev/[^:]+|COM\d+):(\d+)", url):
             return LinkError(
                 f"{url}: there is no such port; did you mean {rate[1]}, or lines:{rate[1]}?baud={rate[2]}&preset=NAME "
                 "for a device that prints text?"
             )
-        meant = f"; did you mean {likely}?" if likely.startswith("socket") or is_device else ""
+        meant = f"; did you mean {likely}?" if is_address or is_device else ""
         return LinkError(f"{url}: there is no such port; `sonarhw ports` lists the existing ones{meant}")
     if code == errno.EISDIR or "Inappropriate ioctl" in text:
         return LinkError(f"{url}: is not a serial port; `sonarhw ports` lists the existing ones")

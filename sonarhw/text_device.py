@@ -66,6 +66,9 @@ def read_lines_url(url: str) -> LinesUrl:
 
 
 def _values(url: str, query: str) -> dict[str, str]:
+    if not query and (key := re.search(rf"[,;&]({'|'.join(_KEYS)})=", url)):
+        meant = url.replace(key[0], f"?{key[0][1:]}", 1)
+        raise InputError(f"{url}: write ? before the first key; did you mean '{meant}'?")
     if "&" not in query and re.search(rf"[,;]({'|'.join(_KEYS)})=", query):
         raise InputError(f"{url}: expected & between two keys, such as baud=9600&preset=csv")
     pairs = [part.partition("=") for part in query.split("&") if part]

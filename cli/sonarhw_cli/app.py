@@ -9,6 +9,7 @@ import functools
 import logging
 import os
 import re
+import shlex
 import sys
 import warnings
 from collections.abc import Callable, Sequence
@@ -64,9 +65,8 @@ def _reworded(error: typer.TyperException) -> str:
 
 # words that other programs use, by the command that does this
 _OTHER_WORDS = {
-    "compare": "analyse analyze match check-scan",
+    "compare": "analyse analyze check-scan explain match why",
     "compare A.mcap --with B.mcap": "diff difference differences",
-    "compare LOG --explain DEG": "explain why",
     "compare LOG --plot PICTURE": "plot overlay",
     "doctor": "diagnose selftest self-test test",
     "fake": "emulate emulator mock simulator virtual",
@@ -80,8 +80,9 @@ _OTHER_WORDS = {
     "log export": "csv dump extract save",
     "log info": "describe inspect statistics stats summary",
     "map": "combine merge slam",
+    "monitor": "debug listen sniff tail terminal watch",
     "ports": "detect devices discover list search serial",
-    "ports --guess": "guess identify",
+    "ports --guess": "arduino guess identify radar sketch",
     "profile list": "boards profiles sensors",
     "replay": "play playback",
     "room list": "rooms",
@@ -119,6 +120,8 @@ _POSITION = "initial initial-pose location pos pose position start-pose xy"
 _READ = "csv-file data file filename i in infile input log scan"
 # the first that applies to the command is printed
 _OTHER_OPTIONS = (
+    _Instead("--guess tries the usual baud rates", "baud baudrate b rate speed", "PORT"),
+    _Instead("without an option, `sonarhw ports` lists all", "a all l list", "PORT", option="--guess"),
     _Instead(
         "the rate stands in the URL: `lines:/dev/ttyUSB0?baud=9600&preset=NAME`", "baud baudrate b rate speed", "URL"
     ),
@@ -139,15 +142,22 @@ _OTHER_OPTIONS = (
     ),
     _Instead("the controller is --controller, such as --controller uno", "arduino board fqbn mcu target"),
     _Instead("its address is --tcp HOST:PORT", "address host listen p port url"),
+    _Instead(
+        "the unit of a file is an option of `sonarhw import`; that of a device stands in the URL: "
+        "`lines:/dev/ttyUSB0?preset=NAME&unit=cm`",
+        "unit units",
+        "SCAN",
+    ),
     _Instead("the preset stands in the URL: `lines:/dev/ttyUSB0?preset=NAME`", "format layout pattern preset", "URL"),
     _Instead("the noise of the receiver is --noise", "sd sigma std snr"),
     _Instead("the model is --model", "algorithm method mode"),
     _Instead(
         "the headings of a scan are --from, --to and --step, in degrees",
-        "angle angles begin degrees delta end fov headings increment interval max-angle min-angle range resolution "
-        "sector start stop",
+        "angle angles beams begin degrees delta end fov headings increment interval max-angle min-angle range rays "
+        "resolution sector start stop",
     ),
     _Instead("the angle between readings is --step, in degrees", "angle-step increment resolution"),
+    _Instead("the number of pings is --count", "c n number pings repeat samples times"),
     _Instead(
         "the number of sweeps is --sweeps",
         "count duration loops minutes n number repeat repeats rounds scans seconds time times turns",
@@ -251,8 +261,10 @@ def _with_help(message: str, error: typer.TyperException, arguments: Sequence[st
     if message.startswith("Got unexpected "):
         return _about_extra(message.rstrip("."), context, arguments)
     if message.startswith("Missing ") or getattr(getattr(error, "param", None), "param_type_name", "") == "argument":
-        ports = "; `sonarhw ports` lists the scanners" if message.startswith("Missing argument 'URL'") else ""
-        return f"{message.rstrip('.')}; expected `{_usage(context)}`{ports}; see `{context.command_path} --help`"
+        hint = "; `sonarhw ports` lists the scanners" if message.startswith("Missing argument 'URL'") else ""
+        if any(re.search(r":.+\?\w+=", argument) for argument in arguments):
+            hint = "; write the URL in quotes, because the shell reads & as the end of the command"
+        return f"{message.rstrip('.')}; expected `{_usage(context)}`{hint}; see `{context.command_path} --help`"
     hidden = [name for name, command in getattr(context.command, "commands", {}).items() if command.hidden]
     message = next(
         (message.removesuffix(end) for name in hidden if message.endswith(end := f". Did you mean '{name}'?")), message
@@ -381,6 +393,8 @@ def _meant_in_group(
 ) -> str:
     """Return the command of a group that an unknown one probably means: another word for it, or a name of a file."""
     path = context.command_path
+    if context.info_name == "room" and word in _OTHER_WORDS["gui"].split():
+        return f"{context.find_root().command_path} gui"
     for name, others in _OTHER_WORDS_OF_GROUPS.items():
         if name in commands and word in others.split():
             return f"{path} {name}"
@@ -436,7 +450,9 @@ def _about_extra(message: str, context: typer.Context, arguments: Sequence[str])
     room = next((name for name in arguments if _is_room(name)), "")
     if room and "--room" in names and "--room" not in arguments:
         return f"{known}; give the room with `--room {room}`"
-    if "compare" in arguments:
+    if "LOG" in _usage(context) and Path(extra).suffix != ".mcap" and os.path.isfile(extra):
+        return f"{known}; `sonarhw import {extra} --out LOG.mcap` converts a scan of another program"
+    if "compare" in arguments and extra.endswith(".mcap"):
         return f"{known}; to compare two logs, use `sonarhw compare A.mcap --with B.mcap`"
     if "--place" in names and "--place" not in arguments and re.fullmatch(r"[a-z]\w*|-?[\d.]+(,-?[\d.]+){1,2}", extra):
         return f"{known}; give a place with `--place {extra}`"
@@ -451,6 +467,8 @@ def _with_argument_hint(message: str, arguments: Sequence[str]) -> str:
     has_word = "fit" in arguments and re.search(r" --free \S+ [a-z_]+( |$)", " ".join(arguments)) is not None
     if ("fit" in arguments and re.match(r"[a-z_]+: no such file", message)) or (is_count and has_word):
         return f"{message}; the quantities to fit are --free NAME,NAME without a space"
+    if size := re.match(r"(?:unknown room ')?([\d.]+[x×][\d.]+)'?[:;]", message):
+        return f"{message}; `sonarhw room new NAME.toml --size {size[1]}` writes a room of this size"
     missing = re.match(r"(.+): no such file", message)
     return f"{message}{_similar_file(Path(missing[1]))}" if missing else message
 
@@ -614,12 +632,19 @@ _command = functools.cache(typer.main.get_command)
 
 def _status(arguments: list[str] | None) -> int:
     command = _command(app)
-    given = sys.argv[1:] if arguments is None else arguments
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    if given[:1] == ["-v"] and len(given) > 1:
+        return _refuse(
+            f"-v: prints the version; did you mean `{shlex.join(['sonarhw', '--verbose', *given[1:]])}`?",
+            ExitStatus.BAD_INPUT,
+        )
+    if given[:1] in (["-h"], ["--help"]):  # of the command, if one follows
+        given = [*given[1:], given[0]]
     if "_SONARHW_COMPLETE" in os.environ:  # set by the script that --install-completion writes
         command.main(prog_name="sonarhw")
     try:
         # command.main() is not used: it gives Ctrl-C and a closed pipe other exit statuses
-        with command.make_context("sonarhw", list(given)) as context:
+        with command.make_context("sonarhw", given) as context:
             status = command.invoke(context)
         sys.stdout.flush()
         return status or ExitStatus.DONE

@@ -1,6 +1,7 @@
 """Commands for one scanner: move, ask, fake or replay it, find its port, check its wiring, and flash its firmware."""
 
 import math
+import re
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -663,6 +664,9 @@ ForceUnknown = Annotated[
     bool, typer.Option("--force", help="Also flash a board that is not recognised; needs --controller.")
 ]
 
+# a URL, a controller or a file of firmware
+_NO_PORT = re.compile(r":|^(uno|nano|mega|esp\w*|arduino)$|\.(hex|ino|bin|elf|uf2)$", re.IGNORECASE)
+
 
 def flash(
     port: FlashedPort,
@@ -679,8 +683,11 @@ def flash(
     """
     from sonarhw import bringup
 
-    if "://" in port or ":" in port.removeprefix("COM"):
-        raise InputError(f"{port}: expected a serial port such as /dev/ttyACM0")
+    if _NO_PORT.search(port):
+        raise InputError(
+            f"{port}: expected a serial port such as /dev/ttyACM0; the firmware is included, and --controller "
+            "selects it"
+        )
     if controller and ranging and turning:
         Combination(controller, ranging, turning)  # refused before the port is opened
     bringup.find_avrdude()

@@ -298,8 +298,6 @@ def _content(file: Path) -> bytes:
     try:
         with open_input(file, _MOST_TEXT) as opened_file:
             data = opened_file.read(_MOST_TEXT)
-    except FileNotFoundError as error:
-        raise InputError(f"{file}: no such file; give the name of a scan") from error
     except OSError as error:
         raise InputError(f"{file}: cannot be read: {error.strerror}; expected a text file") from error
     except ValueError as error:  # a NUL in the name
@@ -578,6 +576,7 @@ def import_scan(file: Path | str | os.PathLike[str], options: ImportOptions | No
     """
     path, options = Path(file), options or ImportOptions()
     options.check()
+    _refuse_missing(path)
     kind = import_format(path, options.rate, options.format)
     refuse_options(path, kind, options.stated)
     if kind is RAW and options.rate is not None and path.suffix.lower() == ".wav":
@@ -598,6 +597,16 @@ def import_scan(file: Path | str | os.PathLike[str], options: ImportOptions | No
         silent=silent,
         mean_of=options.mean_of,
     )
+
+
+def _refuse_missing(file: Path) -> None:
+    try:
+        file.stat()
+    except FileNotFoundError as error:
+        what = "is on the web; download it first" if re.match("https?:/", str(file)) else "no such file"
+        raise InputError(f"{file}: {what}; give the name of a scan") from error
+    except (OSError, ValueError):  # its reader reports it
+        return
 
 
 def _read(file: Path, kind: ImportFormat, options: ImportOptions) -> ImportedScan:

@@ -65,7 +65,10 @@ def check_regex(text: str) -> re.Pattern[str]:
         raise InputError(f"pattern {text!r}: invalid regular expression: {error}") from error
     ranges = [group for group in pattern.groupindex if re.fullmatch("range(_m|_cm|_mm|_in|_ft|_yd|_us)?", group)]
     if len(ranges) != 1:
-        raise InputError(f"pattern {text!r}: expected one group (?P<range_cm>...), or range_m, range_mm, range_in")
+        raise InputError(
+            f"pattern {text!r}: expected fields such as {{deg}},{{cm}}, or a regular expression with one group "
+            "(?P<range_cm>...), or range_m, range_mm, range_in"
+        )
     return pattern
 
 
