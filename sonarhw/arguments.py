@@ -277,7 +277,7 @@ def warn_of_degrees(name: str, radians: NDArray[np.float64], warn: Warn = emit) 
     """Warn if angles are probably in degrees."""
     if are_degrees(radians):
         largest = float(np.abs(radians).max())
-        warn(f"{name}: up to {largest:g}, taken as radians; if they are degrees, use degrees=True or np.radians")
+        warn(f"{name}: up to {largest:g}, taken as radians; if they are degrees, use np.radians")
 
 
 def warn_of_centimetres(name: str, metres: NDArray[np.float64], warn: Warn = emit) -> bool:

@@ -326,7 +326,7 @@ def _degrees_or_radians(angles: FloatArray) -> Doubt | None:
     """
     if are_degrees(angles):
         problem = f"the angles reach {np.abs(angles).max():g} radians"
-        return Doubt("angles", problem, "if they are degrees: degrees=True in Python, angle=deg in a `lines:` URL")
+        return Doubt("angles", problem, "if they are degrees: np.radians in Python, angle=deg in a `lines:` URL")
     numbers = np.degrees(np.unique(np.round(angles, 9)))  # as they were before they became radians
     if len(numbers) >= ENOUGH_MOTION and _TURN < np.ptp(numbers) <= _TURN_IN_GRADIANS:
         correction = (

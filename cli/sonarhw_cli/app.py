@@ -439,6 +439,10 @@ def _about_extra(message: str, context: typer.Context, arguments: Sequence[str])
     is_size = is_number or re.fullmatch(r"[x×*]|by|[\d.]+(m|cm|mm)", extra) is not None
     before = arguments[arguments.index(extra) - 1] if extra in arguments else ""
     known = f"{message}; expected `{_usage(context)}`; see `{context.command_path} --help`"
+    if any(before in parameter.opts and getattr(parameter, "is_flag", False) for parameter in context.command.params):
+        return f"{known}; {before} takes no value"
+    if re.fullmatch(r"\d{4,}", extra) and (rate := _instead("baud", context)):
+        return f"{known}; {rate}"
     if extra in ("from", "to", "step", "by") and "--step" in names:
         return f"{known}; write --from DEG --to DEG --step DEG"
     if is_size and "--size" in arguments:
@@ -623,7 +627,7 @@ def _warn(
     line: str | None = None,
 ) -> None:
     """Print a warning of the library about its arguments as the command prints its own."""
-    options.warn(str(message))
+    options.warn(options.with_options(str(message)))
 
 
 # kept: a program may run many command lines, and building the parser takes longer than most of them

@@ -171,8 +171,8 @@ def import_scan(
 ) -> None:
     """Convert a scan of another program to a log. The content of the file selects its format.
 
-    Of text, columns and units are recognised and printed. What is doubtful is not guessed: the command ends with the
-    option that decides it. --heading and --range name columns of a table ("column 2" without a header), in degrees and
+    Of text, columns and units are recognised and printed. What cannot be decided ends the command with the option that
+    decides it. --heading and --range name columns of a table ("column 2" without a header), in degrees and
     metres unless their names state other units. With --room, --place and --board, compare, report and fit need no
     options for them.
     """

@@ -158,6 +158,7 @@ _OPTIONS = (
     ),
     (r"; free it too, or", "; add it to --free, or"),
     (r"; give a room$", "; give one with --room"),
+    (r"; give the right board$", "; give the right one with --board"),
     (r"; give the unit\. ", "; give it with --unit. "),
     (r"; give a place, or free the position$", "; give --place, or add position to --free"),
     (r"([;:]) give a place, or X,Y in metres;", r"\1 give --place NAME or --place X,Y in metres;"),
