@@ -628,7 +628,7 @@ def _warn(
     line: str | None = None,
 ) -> None:
     """Print a warning of the library about its arguments as the command prints its own."""
-    options.warn(options.with_options(str(message)))
+    options.warn(str(message))
 
 
 # kept: a program may run many command lines, and building the parser takes longer than most of them

@@ -244,7 +244,7 @@ def locate(
         write_figure(out, draw_located(located), force)
     options.print_result(as_json, lambda: located.figures(near), lambda: located.lines(near))
     for doubt in located.doubts:
-        options.warn(options.with_options(doubt))
+        options.warn(doubt)
     if not located.fits_room:
         return
     (x, y), heading = located.poses[0].position, located.poses[0].heading

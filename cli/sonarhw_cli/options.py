@@ -123,7 +123,7 @@ def print_note(text: str) -> None:
 
 def warn(message: str) -> None:
     """Print a warning as one line on standard error, unless --quiet is given."""
-    print_note(f"sonarhw: warning: {message}")
+    print_note(f"sonarhw: warning: {with_options(message)}")
 
 
 def print_detail(text: str) -> None:
