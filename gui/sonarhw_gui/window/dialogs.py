@@ -198,7 +198,7 @@ class ConnectDialog(QtWidgets.QDialog):
         self.probe_all.setEnabled(any(row.answer == "not checked" for row in rows))
         proposed = {row.device: row.proposed_url for row in rows if row.proposed_url}
         answered = [url for row in rows for url in row.answered_urls if url != row.proposed_url]
-        self.of_url.setText(f"Port or URL{'; the list has one for each answer' if answered else ''}")
+        self.of_url.setText(f"Port or URL{'; the list has the URL of each answer' if answered else ''}")
         if chosen in proposed or not self.url.count():  # else the user may be typing
             self.url.clear()
             self.url.addItems([*answered, *self._scanners.urls])
