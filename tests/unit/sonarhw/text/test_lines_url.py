@@ -149,7 +149,7 @@ def test_turn_and_zero_give_the_turntable_angle() -> None:
         ("preset=arduino-radar&step=5", "the device prints its angle; remove step"),
         ("preset=maxbotix", "the device prints no angle: add step=DEGREES"),
         ("pattern=(", "invalid regular expression"),
-        (r"pattern=(?P<heading_deg>\d)", "expected one group"),
+        (r"pattern=(?P<heading_deg>\d)", "with one group"),
     ],
 )
 def test_a_mistake_is_one_line_with_the_url(query: str, message: str) -> None:
