@@ -315,7 +315,9 @@ def _decided(where: str, proposal: LayoutProposal, names_columns: bool) -> Layou
         raise InputError(f"{where}: {'; '.join(map(str, proposal.questions))}")
     example = f", such as {proposal.example!r}" if proposal.example else ""
     hint = "give a pattern, the names of the columns, or the format; `sonarhw import --help` lists them"
-    if names_columns:
+    if not proposal.example:
+        hint = "no line is text in UTF-8, UTF-16 or cp1252: save it in UTF-8, or give the format"
+    elif names_columns:
         hint = "check the names of the columns, or leave them out, then they are proposed"
     raise InputError(f"{where}: no readings were recognised in the text{example}; {hint}")
 

@@ -210,3 +210,10 @@ def test_names_of_earlier_versions_read_the_same_scan(tmp_path: Path) -> None:
     file.write_text("a,b\n1,2\n2,3\n3,4\n4,5\n")
     with pytest.raises(InputError, match="name the columns"):
         sonarhw_compare.guess_columns(file)
+
+
+def test_text_in_another_encoding_is_refused_with_what_to_do(tmp_path: Path) -> None:
+    file = tmp_path / "scan.txt"
+    file.write_text("".join(f"Угол: {angle}; Расстояние: 103 см\n" for angle in range(0, 180, 5)), encoding="cp1251")
+    with pytest.raises(InputError, match="save it in UTF-8"):
+        import_scan(file)
