@@ -10,7 +10,16 @@ from statistics import fmean, median
 from sonarhw.errors import InputError
 from sonarhw.text.layouts import Layout
 from sonarhw.text.numbers import MOST_HEADING, Printed
-from sonarhw.text.words import ANGLE_UNITS, RANGE_UNITS, STEP, UNIT_NAMES, ColumnKind, NameMeaning, is_metric, words_of
+from sonarhw.text.words import (
+    ANGLE_UNITS,
+    RANGE_UNITS,
+    STEP,
+    UNIT_NAMES,
+    ColumnKind,
+    NameMeaning,
+    metric_word,
+    words_of,
+)
 
 FEWEST = 4  # readings
 _HELD, _MOST_HELD = 24, 400  # readings, until a unit is decided
@@ -59,14 +68,15 @@ def range_unit(numbers: Sequence[float], named: NameMeaning, stated: Layout, wor
         return Decision(stated.unit, True, f"range in {UNIT_NAMES[stated.unit]}: as given")
     if named.unit is not None and named.unit in RANGE_UNITS:
         return Decision(named.unit, False, f"range in {UNIT_NAMES[named.unit]}: {named.word!r} in the text")
-    metric = is_metric(word for line in words for word in words_of(line))
+    metric = metric_word(word for line in words for word in words_of(line))
     candidates = plausible_units(numbers, named.doubtful or (_METRIC if metric else _COMMON))
     echoes = [number for number in numbers if number > 0]
     spread = f"{min(echoes, default=0):g} to {max(echoes, default=0):g}"
     if len(candidates) == 1:
         (unit,) = candidates
         name = UNIT_NAMES[unit]
-        why = f"{name} assumed, because only in {name} the numbers {spread} fit a room and the usual board"
+        among = f"{metric!r} is of sketches with metric units, and of these " if metric else ""
+        why = f"{name} assumed, because {among}only in {name} the numbers {spread} fit a room and the usual board"
         return Decision(unit, True, f"unit of the range not stated: {why}; unit= changes it")
     names = " and ".join(UNIT_NAMES[unit] for unit in candidates) or "no unit"
     answers = tuple({"unit": unit} for unit in candidates or RANGE_UNITS)

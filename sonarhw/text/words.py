@@ -251,9 +251,9 @@ def is_german(words: Iterable[str]) -> bool:
     return any(folded(word) in _GERMAN for word in words)
 
 
-def is_metric(words: Iterable[str]) -> bool:
-    """Return whether one of these words is of a language whose sketches print no inches, feet and yards."""
-    return any(folded(word) in _METRIC_ANGLES | _METRIC_RANGES for word in words)
+def metric_word(words: Iterable[str]) -> str | None:
+    """Return the first word of a language whose sketches print no inches, feet and yards."""
+    return next((word for word in words if folded(word) in _METRIC_ANGLES | _METRIC_RANGES), None)
 
 
 def is_no_echo(text: str) -> bool:

@@ -5,7 +5,7 @@ from operator import xor
 
 import pytest
 
-from sonarhw.text.proposals import propose
+from sonarhw.text.proposals import LayoutProposal, propose
 
 UP = [*range(0, 181, 5)]
 ANGLES = 3 * (UP + UP[::-1])
@@ -191,3 +191,14 @@ def test_numbers_of_any_notation_are_read_or_are_a_question(line: str, question:
     assert proposal.decided != bool(question)
     if not question:
         assert [round(1000 * reading.ranges[0]) for reading in proposal.readings] == ranges
+
+
+def test_a_word_of_a_metric_language_leaves_out_inches_and_is_named() -> None:
+    def proposed(line: str) -> LayoutProposal:
+        lines = [line.format(a=a, inches=14 + a % 43) for a in ANGLES]
+        return propose("\n".join(lines).encode(), True)
+
+    spanish, english = proposed("angulo {a} distancia {inches}"), proposed("angle {a} distance {inches}")
+    assert spanish.decided
+    assert "'angulo' is of sketches with metric units" in " ".join(spanish.evidence)
+    assert [question.answers for question in english.questions] == [({"unit": "cm"}, {"unit": "in"})]
