@@ -415,7 +415,9 @@ def _guessed(port: "Port", wanted: bool) -> dict[str, Any]:
         "baud": guess.baud,
         "evidence": [*guess.details],
         "undecided": [str(question) for question in questions],
-        "questions": [{"problem": one.problem, "answers": [*map(dict, one.answers)]} for one in questions],
+        "questions": [
+            {"problem": question.problem, "answers": [*map(dict, question.answers)]} for question in questions
+        ],
         "answered_urls": [*guess.answered_urls],
     }
 

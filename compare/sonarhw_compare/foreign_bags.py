@@ -71,8 +71,8 @@ def read_ros_bag(bag: Path, meaning: Meaning) -> list[Reading]:
     rows, doubts = parse_apart(_parsed, bag, "a complete ROS bag", meaning)
     readings = readings_of(str(bag), iter(rows), meaning)
     if not readings:
-        one = "; if it is no bag, give one file of it" if bag.is_dir() else ""
-        raise InputError(f"{bag}: has no message of sensor_msgs/Range, LaserScan or PointCloud{one}")
+        hint = "; if it is no bag, give one file of it" if bag.is_dir() else ""
+        raise InputError(f"{bag}: has no message of sensor_msgs/Range, LaserScan or PointCloud{hint}")
     for doubt in doubts:
         warnings.warn(f"{bag}: {doubt}", stacklevel=2)
     return readings
