@@ -667,7 +667,7 @@ ForceUnknown = Annotated[
 ]
 
 # a URL, a controller or a file of firmware
-_NO_PORT = re.compile(r":|^(uno|nano|mega|esp\w*|arduino)$|\.(hex|ino|bin|elf|uf2)$", re.IGNORECASE)
+_NO_PORT = re.compile(r"^[^/]+:|^(uno|nano|mega|esp\w*|arduino)$|\.(hex|ino|bin|elf|uf2)$", re.IGNORECASE)
 
 
 def flash(
