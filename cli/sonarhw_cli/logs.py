@@ -228,10 +228,10 @@ def _with_options(question: str) -> str:
     of_file = r"(?<!\w)'[^']*'(?!\w)|\"[^\"]*\""  # quoted, not a key
     keys = rf"{of_file}|(?<![\w-])(?:({'|'.join(_keys())})=(\S*)|decimal_comma(?=: only))"
 
-    def option(found: re.Match[str]) -> str:
-        if found[1]:
-            return f"--{found[1].replace('_', '-')} {found[2]}".rstrip()
-        return found[0].replace("decimal_comma", "--decimal-comma")
+    def option(match: re.Match[str]) -> str:
+        if match[1]:
+            return f"--{match[1].replace('_', '-')} {match[2]}".rstrip()
+        return match[0].replace("decimal_comma", "--decimal-comma")
 
     return re.sub(keys, option, question)
 
