@@ -29,8 +29,8 @@ _TRIES, _ANSWER_WITHIN = 3, 0.5  # s
 _HELLO_TRIES = 6
 _SILENT = 0.5  # s after which the host sends a sign of life
 _BEAT_WITHIN = 1.5  # s; a heartbeat is due every 0.25 s
-_IDLE_WITHIN = 3.0  # s without the end of an action, while the device does not say that it is busy
-_READING_WITHIN = 12  # heartbeats, 3 s, between two readings of a scan
+_IDLE_WITHIN = 2.0  # s without the end of an action, while the device does not say that it is busy
+_READING_WITHIN = 8  # heartbeats, 2 s, between two readings of a scan
 _ENDS_WITHIN = 480  # heartbeats, 120 s, of Home by the protocol
 _SENT_WITHIN = 2_000_000  # µs from the start of a transmission to the frame with its reading
 _TEXT = re.compile(rb"[\x20-\x7e\r\n]{4,}")  # the start of a frame from a device is none
@@ -150,14 +150,16 @@ class _Talk:
     ) -> messages.Message | None:
         """Return the next message that is wanted; None after `within` s. Others are kept in `strays`."""
         until = time.monotonic() + within
+        last = False  # what arrived while this process could not run is read, too
         while True:
             while self._arrived:
                 message = self._arrived.pop(0)
                 if wanted(message):
                     return message
                 self.strays.append(message)
-            if time.monotonic() > until:
+            if last:
                 return None
+            last = time.monotonic() > until
             self._receive()
             # a device of version 1.1 stops when the host is silent
             if self.minor >= 1 and time.monotonic() > self._spoke + _SILENT:
