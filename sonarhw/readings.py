@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from sonarhw import arguments
 from sonarhw.errors import InputError, MissingExtra
-from sonarhw.wire.limits import MOST_READINGS
+from sonarhw.wire.limits import MOST_HEADINGS, MOST_READINGS, MOST_SWEEPS
 
 FloatArray: TypeAlias = NDArray[np.float64]
 BoolArray: TypeAlias = NDArray[np.bool_]
@@ -209,8 +209,8 @@ MOST_ANGLE = 37.0  # rad; a message holds angles up to 2147 degrees
 _ORDER_CHECKS = {
     "start": arguments.number(-MOST_ANGLE, MOST_ANGLE, "rad"),
     "step": arguments.number(-MOST_ANGLE, MOST_ANGLE, "rad"),
-    "headings": arguments.whole(1, 65_535),
-    "sweeps": arguments.whole(1, 65_535),
+    "headings": arguments.whole(1, MOST_HEADINGS),
+    "sweeps": arguments.whole(1, MOST_SWEEPS),
     "pings": arguments.whole(1, 255),
     "in_place": arguments.flag,
 }
@@ -229,7 +229,7 @@ def check_order(order: ScanOrder) -> None:
         )
 
 
-@arguments.checked(count=arguments.whole(1, 65_535))
+@arguments.checked(count=arguments.whole(1, MOST_SWEEPS))
 def pings_in_place(count: int) -> ScanOrder:
     """Return the order of `count` pings, 1 to 65 535, at the present angle. Each is a sweep of one heading."""
     return ScanOrder(0.0, 1.0, headings=1, sweeps=count, in_place=True)

@@ -13,6 +13,7 @@ from sonarhw_sim.air import ROOM_TOLERANCE, EdgeStrength, Model, Receiver
 from typer.core import TyperCommand, TyperGroup
 
 from sonarhw.errors import InputError, harmless, json_text, number, shortened, text_cell
+from sonarhw.wire.limits import MOST_HEADINGS
 
 if TYPE_CHECKING:
     from sonarhw.readings import ScanOrder
@@ -342,7 +343,6 @@ ForceFiles = Annotated[bool, typer.Option("--force", help="Overwrite files of th
 PICTURE_FILE = "FILE.png|pdf|svg"
 STDOUT = "-"
 LOG = ".mcap"
-MOST_HEADINGS = 65535  # largest number that fits into the scan command
 _MOST_RADIANS = 10.0  # between --from and --to, if they may be in radians: a turn and a half
 _ALIKE = 0.005  # between a multiple of π/2 and a number that stands for it
 

@@ -14,6 +14,7 @@ import typer
 
 from sonarhw.errors import DeviceError, InputError, counted, counted_are, harmless
 from sonarhw.export import HEADER, row
+from sonarhw.wire.limits import MOST_SWEEPS
 from sonarhw_cli import inputs, options
 from sonarhw_cli.interruption import LAST_WORDS, Interruption, interruption
 from sonarhw_cli.outputs import checked_out, progress, standard_output
@@ -132,7 +133,7 @@ def scan_plan(scanner: "Scanner", request: ScanRequest, board: "Board", room_air
 # `sonarhw scan`: scan, and record a log.
 
 
-Sweeps = Annotated[int, typer.Option(help="Number of sweeps, forwards and backwards.", min=1, max=65535)]
+Sweeps = Annotated[int, typer.Option(help="Number of sweeps, forwards and backwards.", min=1, max=MOST_SWEEPS)]
 PrintReadings = Annotated[
     bool,
     typer.Option("--print", help="Write each reading to standard output as CSV; heading_deg is the turntable angle."),
@@ -346,13 +347,12 @@ def _warn_of_the_link(scanner: "Scanner") -> None:
 # `sonarhw ping`: the echoes of a ranging board without a turntable, live in the terminal.
 
 
-MOST_PINGS = 65535  # largest number that fits into the scan command
 LEVELS = " .:-=+*#%@"  # of a trace, each LEVEL_DB stronger; the last one reaches full scale
 LEVEL_DB = 5.0
 COLUMNS = 60  # characters of a trace
 
 
-PingCount = Annotated[int | None, typer.Option(help="Number of pings; default: until Ctrl-C.", min=1, max=MOST_PINGS)]
+PingCount = Annotated[int | None, typer.Option(help="Number of pings; default: until Ctrl-C.", min=1, max=MOST_SWEEPS)]
 ShowTraces = Annotated[
     bool, typer.Option("--traces", help="Also show the receive signal of every ping, as one row of characters.")
 ]
@@ -378,7 +378,7 @@ def ping(
     options.check_scan_values(board, max_range, temperature)
     with inputs.connect_turntable(url) as scanner:
         profile = inputs.board_of(scanner, board)
-        plan = _plan(count or MOST_PINGS, profile, max_range, temperature, traces)
+        plan = _plan(count or MOST_SWEEPS, profile, max_range, temperature, traces)
         if traces and not scanner.info.trace_rate:
             options.warn(f"{url}: the scanner sends no traces; only echo times are shown")
         terminal = _PingTerminal(plan.reach)
@@ -463,7 +463,6 @@ def trace_row(trace: "Trace", speed_of_sound: float, reach: float) -> str:
 # `sonarhw serve`: scan, and publish the readings to viewers while they are measured.
 
 
-_MOST_SWEEPS = 65535  # largest number that fits into the scan command
 _ADDRESS = "127.0.0.1:8765"  # the port that Foxglove suggests
 
 
@@ -474,7 +473,7 @@ FoxgloveAddress = Annotated[
     str, typer.Option("--tcp", help="Address to listen on; port 0 selects a free port.", metavar="HOST:PORT")
 ]
 SweepsServed = Annotated[
-    int | None, typer.Option(help="Number of sweeps; default: until Ctrl-C.", min=1, max=_MOST_SWEEPS)
+    int | None, typer.Option(help="Number of sweeps; default: until Ctrl-C.", min=1, max=MOST_SWEEPS)
 ]
 
 

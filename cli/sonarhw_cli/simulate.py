@@ -14,6 +14,7 @@ from sonarhw_sim.air import DEFAULT_BOARD, ROOM_TOLERANCE, EdgeStrength, Model, 
 
 from sonarhw.errors import InputError, counted, in_degrees
 from sonarhw.files import atomic_file
+from sonarhw.wire.limits import LONGEST_TRACE
 from sonarhw_cli import options, outputs
 from sonarhw_cli.inputs import chosen_place, open_room, print_place
 
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
 PROBABILITY_HEADER = "heading_deg,range_m,probability,via"
 HEADER = "heading_deg,range_m,path_m,level_db,bounces,via"
 _PING_PERIOD = 0.1  # s between the readings in the log of a predicted scan
-_MOST_SAMPLES = 65535  # of a trace in a log
 
 
 TraceForm = Literal["rf", "sampled", "envelope"]  # in which receive signals are written
@@ -69,10 +69,10 @@ def trace_settings(kind: TraceForm | None, rate: float | None, suffix: str) -> T
 def check_trace_size(traces: TraceSettings, suffix: str, listening: float, headings: int) -> None:
     """Raise InputError if traces of `listening` s are too long for a log, or too large together."""
     samples = math.ceil(listening * traces.rate)
-    if suffix == options.LOG and samples > _MOST_SAMPLES:
-        most = math.floor(_MOST_SAMPLES / listening)
+    if suffix == options.LOG and samples > LONGEST_TRACE:
+        most = math.floor(LONGEST_TRACE / listening)
         raise InputError(
-            f"--rate {traces.rate:g}: a trace in a log has at most {_MOST_SAMPLES} samples; give {most} or less"
+            f"--rate {traces.rate:g}: a trace in a log has at most {LONGEST_TRACE} samples; give {most} or less"
         )
     sample, most_bytes = (
         (8, _MOST_BYTES_IN_MEMORY) if suffix == options.LOG else (_SAMPLE_BYTES[traces.kind], _MOST_BYTES)

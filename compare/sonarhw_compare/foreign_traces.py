@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray, Reading, Trace
+from sonarhw.wire.limits import LONGEST_TRACE
 from sonarhw_compare.foreign_rows import MOST_SAMPLES, ForeignRow, Meaning, opened, readings_of, short_lines
 from sonarhw_compare.import_formats import is_oscilloscope, start_of_file
 from sonarhw_compare.processes import parse_apart
 
-LONGEST_TRACE = 0xFFFF  # samples of a trace in a log
 _LONGEST_NUMBER = 26  # characters with its comma, as numpy.savetxt writes it
 SLOWEST, FASTEST = 1e3, 1e7  # Hz
 _WHAT = "an array of samples"

@@ -20,6 +20,7 @@ from sonarhw_sim.room.room_file import AirSection, Material, RoomFile
 from sonarhw import arguments
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray, headings_between, sector
+from sonarhw.wire.limits import MOST_HEADINGS
 from sonarhw_compare.free_space import FreeSpace, find_free_space
 
 # Axes of a study: the values of a key of `[vary]`.
@@ -133,7 +134,6 @@ def random_of(seed: int, draw: int, key: str) -> np.random.Generator:
 
 ANYWHERE = "anywhere"  # name of a place that is random in each draw
 MOST_SCANS = 100_000_000
-MOST_HEADINGS = 65_535  # as of a scan command
 
 _BY_NAME = Field(strict=False)  # a file has the name of a choice, which a strict model would reject
 

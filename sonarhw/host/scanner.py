@@ -34,7 +34,7 @@ from sonarhw.readings import MOST_ANGLE, Reading, ScanOrder, check_order, sector
 from sonarhw.scan_check import Reach, check_scan
 from sonarhw.sound_speed import ScanAir
 from sonarhw.wire import messages
-from sonarhw.wire.limits import MAX_ECHOES, MOST_READINGS
+from sonarhw.wire.limits import MAX_ECHOES, MOST_READINGS, MOST_SWEEPS
 from sonarhw.wire.readings_of_frames import start_scan
 
 # identity, capabilities and settings of a device, in SI units
@@ -854,13 +854,10 @@ class ScanPlan:
     zero_here: bool = False  # zero is where the turntable is now; it is not homed
 
 
-_MOST_SWEEPS = 0xFFFF  # of the command that begins a scan
-
-
 def until_stopped(order: ScanOrder) -> ScanOrder:
     """Return the order with as many sweeps as a scan can have: it ends when it is stopped."""
     of_sweep = order.headings * order.pings
-    return replace(order, sweeps=max(1, min(_MOST_SWEEPS, MOST_READINGS // of_sweep)))
+    return replace(order, sweeps=max(1, min(MOST_SWEEPS, MOST_READINGS // of_sweep)))
 
 
 class ScanWatcher(Protocol):

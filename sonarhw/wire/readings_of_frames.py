@@ -10,7 +10,7 @@ import numpy as np
 
 from sonarhw.readings import FloatArray, Origin, Reading, ScanOrder, Trace, origin_of
 from sonarhw.wire import messages
-from sonarhw.wire.limits import CHUNK, KEPT_READINGS, MAX_ECHOES
+from sonarhw.wire.limits import CHUNK, KEPT_READINGS, LONGEST_TRACE, MAX_ECHOES
 
 
 class ReadingArrivals:
@@ -225,7 +225,7 @@ def trace_chunks(number: int, trace: Trace) -> Iterator[messages.TraceChunk]:
 
     Missing samples (NaN) are marked as lost; chunks without any sample are omitted.
     """
-    samples = (trace.samples[:0xFFFF] + 1) / 2 if trace.carrier else trace.samples[:0xFFFF]
+    samples = (trace.samples[:LONGEST_TRACE] + 1) / 2 if trace.carrier else trace.samples[:LONGEST_TRACE]
     levels = np.clip(np.rint(samples * messages.FULL_SCALE), 0, messages.FULL_SCALE)
     kind = messages.TraceKind.CARRIER if trace.carrier else messages.TraceKind.ENVELOPE
     period, start = round(1e9 / trace.rate), messages.nanoseconds_of(trace.start)
