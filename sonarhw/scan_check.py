@@ -153,6 +153,8 @@ _SCATTERED = 0.3  # runs of one range per reading with it; in real scans up to 0
 _EVERYWHERE, _WIDE, _SPAN = 0.9, 0.015, math.radians(90)
 _LEAST_SILENT, _SILENT_RUNS = 0.1, 3
 _EXACT = 1e-5  # m
+_LIKE_WALL = 0.25  # of the readings with the longest range; so many others are just below it, if it is a wall
+_FEW_HOLES = 2
 
 
 def most_common_range(ranges: FloatArray, width: float = _ONE_RANGE) -> tuple[float, int]:
@@ -225,7 +227,8 @@ def _scattered(angles: FloatArray, ranges: FloatArray) -> Doubt | None:
 def _clamped(angles: FloatArray, ranges: FloatArray, reach: Reach, sweeps: int) -> Doubt | None:
     """Return a doubt if a range of 0, or the longest, occurs so often that it stands for no echo.
 
-    The longest does if it occurs here and there, or is the reach of the board.
+    The longest does if it occurs here and there, or is the reach of the board; not if ranges beside it are of the same
+    wall.
     """
     known = np.isfinite(ranges)
     heard = ranges[known]
@@ -236,12 +239,22 @@ def _clamped(angles: FloatArray, ranges: FloatArray, reach: Reach, sweeps: int) 
     limit = abs(longest - reach.farthest) < 0.01 * longest
     if same.all() or same.sum() < least or len(np.unique(angles[known][same])) < _SILENT_RUNS:
         return None
+    of_a_wall = int(((heard > longest - _BESIDE) & ~same).sum()) > _LIKE_WALL * same.sum()
+    if of_a_wall and not limit:
+        return None
     # where silence has a sign of its own, the longest range is one only if it is scattered
     needed = _SILENT_RUNS * sweeps
     needed = needed if len(heard) == len(ranges) else max(needed, _SCATTERED * same.sum())
-    if _runs(same) < needed and not (limit and len(heard) == len(ranges)):
+    if _runs(same) < needed and _holes(same, heard) < _FEW_HOLES and not (limit and len(heard) == len(ranges)):
         return None
     return _stands_for_silence(same, f"of exactly {longest:.4g} m, the longest", longest)
+
+
+def _holes(same: BoolArray, heard: FloatArray) -> int:
+    """Return how often a reading that is the `same` as others stands alone between two of one surface."""
+    before, after = heard[:-2], heard[2:]
+    alone = same[1:-1] & ~same[:-2] & ~same[2:]
+    return int((alone & (np.abs(before - after) < _BESIDE)).sum())
 
 
 def _stands_for_silence(readings: BoolArray, which: str, silent: float) -> Doubt:

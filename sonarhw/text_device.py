@@ -13,8 +13,8 @@ from sonarhw.errors import InputError
 from sonarhw.link import READ_PATIENCE, Link, PortFinder
 from sonarhw.plugins.device_plugin import DeviceIdentity, DevicePlugin, Measurement
 from sonarhw.readings import ScanOrder
-from sonarhw.text.decoder import NOISE, make_decoder
-from sonarhw.text.evidence import DEGREES_ASSUMED, UnitChoice, angle_question, turns_back
+from sonarhw.text.decoder import NOISE, make_decoder, text_of
+from sonarhw.text.evidence import DEGREES_ASSUMED, TURN_ASSUMED, UnitChoice, angle_question, turns_back
 from sonarhw.text.layouts import Layout, degrees_of, layout_of, one_of
 from sonarhw.text.numbers import Printed
 from sonarhw.text.proposals import NOTHING, LayoutProposal, propose, sweep_text
@@ -38,6 +38,7 @@ class LinesUrl:
     baud: int
     layout: Layout
     sign: float  # 1: printed angles grow counter-clockwise, -1: clockwise
+    turn_stated: bool  # whether the URL states the direction
     zero: float  # rad, printed angle at which the turntable angle is 0
 
     def turntable_angle(self, heading_deg: float) -> float:
@@ -58,6 +59,7 @@ def read_lines_url(url: str) -> LinesUrl:
             baud=_baud(values.get("baud", str(FIRST_BAUD))),
             layout=layout_of(values),
             sign=-1.0 if one_of("turn", values.get("turn", "ccw"), ("ccw", "cw")) == "cw" else 1.0,
+            turn_stated="turn" in values,
             zero=math.radians(degrees_of("zero", values.get("zero", "0"))),
         )
     except InputError as error:
@@ -92,9 +94,14 @@ def _baud(text: str) -> int:
 BAUDS = (9600, 115200, 57600, 38400, 19200, 230400, 250000, 4800, 76800)
 LISTEN = 3.0  # s at the first baud rate: a board that was reset by the opening needs time to start
 LISTEN_MORE = 1.0  # s at each other one
-LISTEN_TO_SWEEP = 30.0  # s, until a sweep has passed
+LISTEN_TO_SWEEP = 30.0  # s, until a sweep has passed; also while few lines of legible text have arrived
 _ENOUGH = 8  # readings
+_FEW_LINES = 8  # of text that is not recognised; a device that prints a sweep a line needs seconds for each
+_LEGIBLE = 0.8  # of its bytes; a board may print noise when it starts
 _AGAIN = 0.5  # s between two proposals from the growing text
+
+
+_PATTERN_ADVICE = "write a pattern=, such as {deg},{cm} for 90,123 or SCAN:[{cm},]... for a sweep a line"
 
 
 @dataclass(frozen=True)
@@ -150,14 +157,15 @@ class LineGuess:
             asked = "".join(f"; undecided: {question}" for question in proposal.questions)
             return f"prints {name} at {self.baud} baud{asked}: '{self.url}'"
         if proposal.example:
-            asked = "".join(f"; {question}" for question in proposal.questions) or "; write a pattern="
+            asked = "".join(f"; {question}" for question in proposal.questions) or f"; {_PATTERN_ADVICE}"
             return f"prints text that no preset matches, such as {proposal.example!r}{asked}"
         return f"prints no text; {self.received} bytes were received" if self.received else "prints nothing"
 
     @property
     def details(self) -> tuple[str, ...]:
         """How the layout was decided, and the sweep that it reads."""
-        return (*self.proposal.evidence, *sweep_text(self.proposal))
+        turn = (TURN_ASSUMED,) if self.proposal.turn_assumed else ()
+        return (*self.proposal.evidence, *turn, *sweep_text(self.proposal))
 
 
 def _quoted(text: str) -> str:
@@ -198,7 +206,7 @@ def _listen(
         if piece:
             pauses.append((len(data), now - newest))
             data, newest = data + piece, now
-        over = now > began + (LISTEN_TO_SWEEP if guess.url else patience)
+        over = now > began + (LISTEN_TO_SWEEP if guess.url or _is_slow_text(data) else patience)
         if now < next_look and not over and len(data) < 4 * max(guess.received, 200):
             continue
         next_look = now + _AGAIN
@@ -209,6 +217,13 @@ def _listen(
         if over or _is_enough(guess.proposal):
             break
     return guess
+
+
+def _is_slow_text(data: bytes) -> bool:
+    """Return whether legible text has arrived, but few lines; at a wrong baud rate no line is legible."""
+    lines = data.splitlines()
+    legible = sum(len(line) for line in lines if text_of(line)[0] is not None)
+    return len(lines) < _FEW_LINES and legible > _LEGIBLE * len(data)
 
 
 def _is_enough(proposal: LayoutProposal) -> bool:
@@ -322,7 +337,8 @@ class TextDevice(DevicePlugin):
         angle = (str(angle_question(self._heard, named=named) or DEGREES_ASSUMED),) if self._heard else ()
         begins = "no angle is printed: the first reading of the scan is at angle 0; `sonarhw locate` finds its heading"
         counted = (begins,) if self._steps else ()
-        return (*stated, *self._unit.notes, *angle, *counted, *self._order_notes())
+        turn = (TURN_ASSUMED,) if layout.pattern and layout.prints_angle and not self._settings.turn_stated else ()
+        return (*stated, *self._unit.notes, *angle, *turn, *counted, *self._order_notes())
 
     def _order_notes(self) -> tuple[str, ...]:
         """Return whether the pauses of the device agree with the order of lines in the pattern."""

@@ -247,7 +247,7 @@ def locate(
         options.warn(doubt)
     if not located.fits_room:
         return
-    (x, y), heading = located.poses[0].position, located.poses[0].heading
+    (x, y), heading = located.chosen.position, located.chosen.heading
     place = f"{x:.4f},{y:.4f},{math.degrees(heading):.3f}"
     named = {"--room": room_name, "--board": board, "--place": place}
     of_compare = {"--receiver": receiver, "--height": None if height is None else f"{height:g}"}

@@ -210,16 +210,26 @@ def _record(
     if not request.turns_by_itself:
         _warn_of_another_count(terminal.count, request)
     _warn_of_the_link(scanner)
-    if request.turns_by_itself and not metadata.room_text:
-        inputs_of_next = f"{quote(str(log.path))} --room room.toml"
-        if not (request.board or scanner.info.board):
-            options.print_note(f"board not stated: {board.name} recorded; below write yours in place of {_USUAL_BOARD}")
-            inputs_of_next += f" --board {_USUAL_BOARD}"
-        options.print_note("next: sonarhw room new room.toml --size WxD --place X,Y,DEG, with your numbers in metres")
-        options.print_note(f"then: sonarhw compare {inputs_of_next}, or sonarhw gui {inputs_of_next}")
+    if request.turns_by_itself:
+        _print_next(log.path, metadata, board_stated=bool(request.board or scanner.info.board))
 
 
 _USUAL_BOARD = "hc-sr04"  # of devices that turn by themselves
+
+
+def _print_next(log: Path, metadata: "LogMetadata", board_stated: bool) -> None:
+    """Print the commands that show a scan of a device that turns by itself in its room."""
+    of_next = quote(str(log))
+    if not metadata.room_text:
+        of_next += " --room room.toml"
+    if not board_stated:
+        options.print_note(f"board not stated: {metadata.board} recorded; below write yours in place of {_USUAL_BOARD}")
+        of_next += f" --board {_USUAL_BOARD}"
+    if metadata.room_text:
+        options.print_note(f"next: sonarhw locate {of_next}, which finds the pose, or sonarhw gui {of_next}")
+        return
+    options.print_note("next: sonarhw room new room.toml --size WxD --place X,Y,DEG, with your numbers in metres")
+    options.print_note(f"then: sonarhw compare {of_next}, or sonarhw gui {of_next}")
 
 
 def _log(out: Path, metadata: "LogMetadata", force: bool) -> "LogWriter":

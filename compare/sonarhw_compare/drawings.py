@@ -475,7 +475,7 @@ def draw_located(located: Located) -> Figure:
     axes = figure.add_subplot()
     _shade(axes, figure, located)
     draw_room(axes, located.room)
-    best = located.poses[0]
+    best = located.chosen
     echoes = [reading for reading in located.readings if reading.range is not None]
     board, place = located.board, Place("", best.position, best.heading)
     headings = np.array([board.heading_at(reading.angle, best.heading) for reading in echoes])

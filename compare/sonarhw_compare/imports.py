@@ -27,7 +27,7 @@ from sonarhw.plugins.sweep_tracker import SweepTracker
 from sonarhw.readings import Origin, Reading, RobotPose
 from sonarhw.scan_check import ANY_BOARD, check_scan
 from sonarhw.text.decoder import Decoder, encoding_of, make_decoder, text_of, utf16_of
-from sonarhw.text.evidence import UnitChoice
+from sonarhw.text.evidence import TURN_ASSUMED, UnitChoice
 from sonarhw.text.layouts import Layout, layout_of
 from sonarhw.text.numbers import Printed
 from sonarhw.text.proposals import NAMED_CLOCKWISE, LayoutProposal, TextTable, propose, text_table
@@ -246,7 +246,9 @@ def text_scan(
     encoding = "" if decoder.encoding in ("utf-8", "binary") else f"text in {decoder.encoding}"
     ignored = f"ignored: {ignored}{example}" if ignored else ""
     evidence = [fact for fact in proposal.evidence if fact != NAMED_CLOCKWISE or not stated_turn]
-    turned = f"angles grow {'counter-' if stated_turn > 0 else ''}clockwise: as given" if stated_turn else ""
+    turned = TURN_ASSUMED if proposal.turn_assumed else ""
+    if stated_turn:
+        turned = f"angles grow {'counter-' if stated_turn > 0 else ''}clockwise: as given"
     facts = (read_as, *evidence, turned, *unit.notes, encoding, ignored, left_out, untimed)
     scales = {reading.scale for reading in decided if reading.numbers}
     scan = ImportedScan(where, tuple(readings), read_as=tuple(filter(None, facts)), lines=lines)

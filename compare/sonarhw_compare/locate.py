@@ -252,6 +252,7 @@ class OtherReading:
     correction: Correction
     pose: Pose
     explained: float  # share of the echoes within 5 cm there
+    poses: tuple[Pose, ...] = ()  # most probable first
 
 
 @dataclass(frozen=True)
@@ -270,6 +271,7 @@ class Located:
     spread: PoseSpread = UNKNOWN
     others: tuple[OtherReading, ...] = ()  # of the scan with clockwise angles, or in another unit
     nothing: float = 0.0  # probability that no pose is right: another room, another board, or a pose that is missing
+    stated: Place | None = None  # where the scanner stood, as its log says; it has no effect on the poses
 
     @property
     def doubts(self) -> tuple[str, ...]:
@@ -292,7 +294,36 @@ class Located:
                 f"only {counted(round(independent), 'independent reading')}, expected at least {FEWEST}: a wrong pose "
                 "may be stated as certain; scan a wider sector, or locate a scan from another place too",
             )
+        reasons += self._read_otherwise_at_a_place()
         return (*few, *(f"{self.scan}: {reason}" for reason in reasons))
+
+    def _read_otherwise_at_a_place(self) -> list[str]:
+        """Return a warning if only the scan that is read in another way was made at a known place."""
+        if any(map(self._at_known_place, self.poses)):
+            return []
+        for other in self.others:
+            place = next(filter(None, map(self._at_known_place, other.poses)), None)
+            if place is not None and other.pose.probability >= _MENTIONED:
+                x, y = place.position
+                return [
+                    f"no pose is within {NEAR * 100:g} cm of {place.name} ({x:g}, {y:g} m), but one is with "
+                    f"{other.correction.name.removeprefix('with ')}; if the scanner stood there, "
+                    f"{other.correction.correction}"
+                ]
+        return []
+
+    def _at_known_place(self, pose: Pose) -> Place | None:
+        """Return the place of the room or of the log that is within 10 cm of a pose."""
+        stated = () if self.stated is None else (self.stated,)
+        places = (*self.room.places.values(), *stated)
+        return next((place for place in places if math.dist(place.position, pose.position) <= NEAR), None)
+
+    @property
+    def chosen(self) -> Pose:
+        """The pose for the next command: the first, or one as probable at a place of the room or of the log."""
+        least = _RIVAL * self.poses[0].probability
+        rivals = (pose for pose in self.poses if pose.probability > least and self._at_known_place(pose) is not None)
+        return next(rivals, self.poses[0])
 
     def lines(self, near: float = NEAR) -> Iterator[str]:
         """Yield the result as lines of text: each pose, and whether the scan distinguishes them."""
@@ -540,8 +571,10 @@ def _with_probabilities(
         if share >= _LEAST * shares[0].sum()
     ]
     others = [
-        OtherReading(way, replace(pose, probability=(1 - nothing) * float(of_way.sum())), fit)
-        for (way, _), pose, of_way, fit in list(zip(found, best, shares, fits, strict=True))[1:]
+        OtherReading(
+            way, replace(pose, probability=(1 - nothing) * float(of_way.sum())), fit, _most_probable(of_way, poses)
+        )
+        for (way, poses), pose, of_way, fit in list(zip(found, best, shares, fits, strict=True))[1:]
     ]
     return replace(
         located,
@@ -550,6 +583,12 @@ def _with_probabilities(
         others=tuple(sorted(others, key=lambda other: -other.pose.probability)),
         nothing=nothing,
     )
+
+
+def _most_probable(shares: FloatArray, poses: Sequence[Pose]) -> tuple[Pose, ...]:
+    """Return the poses that are not very improbable among these, most probable first."""
+    likely = [k for k in np.argsort(-shares, kind="stable").tolist() if shares[k] > _RIVAL * shares.max()]
+    return tuple(poses[k] for k in likely)
 
 
 def _explained(scan: PlacedScan, room: Room, board: Board, pose: Pose, options: FitOptions) -> float:

@@ -9,7 +9,7 @@ import math
 import numbers
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias, cast
@@ -423,6 +423,9 @@ def locate(
         spread=spread,
         tick=progress,
     )
+    stated = given.recorded_place(located.room)
+    with suppress(InputError):  # a place in another room, such as inside a post of this one
+        located = replace(located, stated=None if stated is None else located.room.place(stated))
     located = replace(located, scan=given.where)
     for doubt in located.doubts:
         warn(doubt)

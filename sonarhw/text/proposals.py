@@ -70,6 +70,13 @@ class LayoutProposal:
     example: str = ""  # a line of the text
 
     @property
+    def turn_assumed(self) -> bool:
+        """Whether nothing says in which direction the angles grow; the sketches of the other presets are known."""
+        layout = self.layout
+        turns = any(reading.heading is not None for reading in self.readings)
+        return turns and layout is not None and bool(layout.pattern or layout.turns_itself) and not self.clockwise
+
+    @property
     def decided(self) -> bool:
         """Whether the layout reads the text without an answer of the user."""
         return self.layout is not None and not self.questions
@@ -94,7 +101,7 @@ def propose(
     for name in ("a02yyuw", "urm37", "us100"):
         if (binary := _binary(name, data, stated)) is not None:
             return binary
-    best = LayoutProposal(example=next(iter(_lines(data, LINE_ENDS)), "")[:60])
+    best = LayoutProposal(example=_middle(_lines(data, LINE_ENDS)))
     for ends in ("", *_other_ends(data, begins_whole)):
         lines = _lines(data, ends_of(ends) if ends else LINE_ENDS)
         if not begins_whole:
@@ -167,6 +174,14 @@ def sweep_text(proposal: LayoutProposal) -> tuple[str, ...]:
     still = "; the angle does not change" if headings and len({*headings}) == 1 and len(headings) >= 8 else ""
     shown = f"{len(readings)} readings, {turned}, {reach}, {silent} without an echo{still}"
     return (shown, f"such as {proposal.example!r}") if proposal.example else (shown,)
+
+
+def _middle(lines: Sequence[str]) -> str:
+    """Return a line that is neither a banner nor torn, shortened; an empty text without lines."""
+    return lines[len(lines) // 2][:_MOST_QUOTED] if lines else ""
+
+
+_MOST_QUOTED = 60  # characters
 
 
 def _lines(data: bytes, ends: re.Pattern[bytes]) -> list[str]:
@@ -310,7 +325,7 @@ def _of_lines(lines: list[str], ends: str, stated: Layout, begins_whole: bool) -
         proposal = recognise(lines, ends, stated)
         if proposal.layout is not None or proposal.questions:
             return proposal
-    return LayoutProposal(example=lines[0][:60])
+    return LayoutProposal(example=_middle(lines))
 
 
 _MAXBOTIX = re.compile(r"R(\d{3,4})( P[01])?")

@@ -206,7 +206,8 @@ def _several_solutions(result: FitResult) -> list[FitWarning]:
     if len(texts) < 2:
         return []
     equal = f"{len(texts)} solutions explain the scan about equally well, the room may be symmetric"
-    return [FitWarning("several solutions", f"{equal}: {'; '.join(texts)}")]
+    first = "; the first is that at the stated place" if result.modes[0].score < 0 else ""
+    return [FitWarning("several solutions", f"{equal}: {'; '.join(texts)}{first}")]
 
 
 def is_unconstrained(parameter: Parameter, estimate: Estimate) -> bool:
@@ -320,6 +321,7 @@ def fit_scans(
     weighted = replace(problem, redundancies=_redundancies(problem))
     starts = _starting_poses(problem, options, partial(tick, "searching", 0.0, 0.5))
     solutions = _solutions(problem, weighted, starts, partial(tick, "refining", 0.5, 0.7))
+    solutions = _nearest_first(scans, problem, solutions)
     marginals = marginals_of(weighted, solutions[0].values, options, sampling)
     sampling(1.0)
     result = _result(problem, marginals, solutions)
@@ -381,6 +383,20 @@ def _solutions(
     return [peak for peak in scored if scored[0].score - peak.score < _AS_GOOD]
 
 
+def _nearest_first(scans: Sequence[PlacedScan], problem: Problem, solutions: list[ScoredValues]) -> list[ScoredValues]:
+    """Return the solutions, those first at which all scans stand near their stated places.
+
+    The scans cannot tell these solutions apart, but the person who placed the scanner can.
+    """
+
+    def is_far(solution: ScoredValues) -> bool:
+        _, places, _ = problem.setting(solution.values[: len(problem.parameters)])
+        pairs = zip((scan.place for scan in scans), places, strict=True)
+        return any(stated.name and math.dist(stated.position, here.position) > NEAR for stated, here in pairs)
+
+    return sorted(solutions, key=is_far)
+
+
 def _starts(problem: Problem, poses: list[list[ScoredValues]]) -> Iterator[FloatArray]:
     """Yield the best poses of all scans together, then the same with another pose of one scan."""
     best = problem.start()
@@ -398,7 +414,8 @@ def _starts(problem: Problem, poses: list[list[ScoredValues]]) -> Iterator[Float
 
 
 def _result(problem: Problem, marginals: Marginals, solutions: list[ScoredValues]) -> FitResult:
-    count, whole, best = len(problem.parameters), marginals.problem, solutions[0]
+    count, whole = len(problem.parameters), marginals.problem
+    highest_score = max(solution.score for solution in solutions)
     turns = _turns(problem, marginals.middle)
     middle, lower, upper = (values + turns for values in (marginals.middle, marginals.lower, marginals.upper))
     deviations = np.sqrt(np.diag(marginals.covariance))
@@ -415,11 +432,11 @@ def _result(problem: Problem, marginals: Marginals, solutions: list[ScoredValues
         correlations=np.asarray(marginals.covariance[:count, :count] / np.outer(safe, safe)),
         noise={values.name: math.exp(value) for values, value in noise},
         warnings=(),
-        modes=tuple(_mode(problem, solution, best.score) for solution in solutions),
+        modes=tuple(_mode(problem, solution, highest_score) for solution in solutions),
         room=room,
         places=places,
         board=board,
-        score=best.score,
+        score=solutions[0].score,
         samples=(marginals.samples + turns)[:, :count],
         tolerated={
             values.name: estimate for values, estimate in zip(marginals.tolerated, estimates[count:], strict=True)

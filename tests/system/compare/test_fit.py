@@ -151,15 +151,21 @@ def test_a_prior_of_a_heading_may_differ_by_a_whole_turn(readings: list[Reading]
     assert result.estimates["heading"].value == pytest.approx(TRUTH.heading, abs=math.radians(0.3))
 
 
-def test_in_a_symmetric_room_both_solutions_are_reported() -> None:
+@pytest.mark.parametrize("stated", [(0.6, 0.35), (0.33, 0.39)])
+def test_in_a_symmetric_room_both_solutions_are_reported_that_at_the_stated_place_first(
+    stated: tuple[float, float],
+) -> None:
     """Rotated by 180° about the middle of 0.928 by 0.742 m."""
     room, place = load_room("simple"), Place("", (0.6, 0.35), 0.7)
     board = board_of(room)
-    scan = PlacedScan(synthetic_scan(room, place, board, 2), place)
+    scan = PlacedScan(synthetic_scan(room, place, board, 2), Place("scanner", stated))
     result = fitted([scan], "position", "heading", room=room, board=board, options=replace(NEARBY, global_search=True))
     assert result.warnings[0].kind == "several solutions"
     poses = {(round(mode.values["x"], 2), round(mode.values["y"], 2)) for mode in result.modes}
     assert (len(result.modes), poses) == (2, {(0.6, 0.35), (0.33, 0.39)})
+    assert math.dist(result.places[0].position, stated) < 0.02
+    assert max(mode.score for mode in result.modes) == 0
+    assert ("the first is that at the stated place" in result.warnings[0].text) == (result.modes[0].score < 0)
 
 
 LEGO = load_board("lego-nxt")  # reports whole centimetres

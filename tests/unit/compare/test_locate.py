@@ -7,11 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from sonarhw_cli.options import with_options
+from sonarhw_compare.corrections import MIRRORED
 from sonarhw_compare.fit.starting import Scores
 from sonarhw_compare.locate import (
     HEADER,
     UNKNOWN,
     Located,
+    OtherReading,
     Pose,
     PoseSpread,
     known_heading,
@@ -52,6 +54,26 @@ def test_a_place_has_the_share_of_the_poses_within_ten_centimetres() -> None:
     # the log-posterior of the lattice sums headings and counts neighbours as one reading
     second = -1.0 - math.log(1 + math.exp(-0.5))
     assert located().lattice == pytest.approx([0.0, second])
+
+
+def test_of_poses_that_the_scan_cannot_distinguish_that_at_a_known_place_is_chosen() -> None:
+    x, y = ROOM.place("p3").position
+    elsewhere = (x + 0.3, y)
+    for second, chosen in ((0.4, 1), (0.1, 0)):
+        by_room = located((elsewhere, 0.6), ((x, y + 0.05), second), readings=20)
+        assert by_room.chosen == by_room.poses[chosen]
+    by_log = located(((0.2, 0.2), 0.5), (elsewhere, 0.4), readings=20, stated=Place("place", elsewhere))
+    assert by_log.chosen == by_log.poses[1]
+
+
+def test_a_scan_that_only_clockwise_angles_put_at_a_known_place_is_doubtful() -> None:
+    x, y = ROOM.place("p3").position
+    mirrored, twin = (Pose(position, 0.0, 0.0, 0.05, (0.01, 0.01, 0.01)) for position in ((0.2, 0.2), (x, y + 0.02)))
+    other = OtherReading(MIRRORED, mirrored, 0.9, (mirrored, twin))
+    (doubt,) = located(((x + 0.3, y), 0.9), readings=20, others=(other,)).doubts
+    assert f"no pose is within 10 cm of p3 ({x:g}, {y:g} m), but one is with clockwise angles; " in doubt
+    assert "add turn=cw" in doubt
+    assert located(((x + 0.05, y), 0.9), readings=20, others=(other,)).doubts == ()
 
 
 @pytest.mark.parametrize(("readings", "doubtful"), [(4, True), (12, True), (14, False)])

@@ -29,6 +29,13 @@ def box(degrees: FloatArray, x: float = 1.9, y: float = 1.3) -> FloatArray:
     return np.asarray(np.min(walls, axis=0))
 
 
+def with_hole(ranges: FloatArray, distance: float, place: int) -> FloatArray:
+    """Return ranges with another one at a place of a flat wall."""
+    changed = ranges.copy()
+    changed[place - 1 : place + 2] = 1.5, distance, 1.5
+    return changed
+
+
 ROOM = box(HEADINGS)
 RANDOM = np.random.default_rng(1)
 THIRD = RANDOM.random(len(HEADINGS)) < 1 / 3
@@ -39,6 +46,10 @@ NOISY = np.where(
 ALIKE = np.round(np.where(HEADINGS % 180 < 20, 1.2, ROOM), 2)
 MANY = [reading for sweep in range(6) for reading in scan(HEADINGS, ALIKE, sweep)]
 SIDE = np.arange(0.0, 180.0, 6.0)  # a sweep of a servo
+# in whole centimetres: a far corner, and a sign for no echo that also stands between readings of one wall
+CORNER = np.round(np.where(np.abs(HEADINGS - 40) <= 25, 3.28 + 0.01 * (HEADINGS % 15 == 0), 1.2), 2)
+BLOCK = np.where((HEADINGS > 300) & (HEADINGS < 340), 4.0, box(HEADINGS))
+HOLES = [reading for sweep in range(3) for reading in scan(HEADINGS, with_hole(BLOCK, 4.0, 10 + 9 * sweep), sweep)]
 BACK = scan(SIDE, box(SIDE)) + scan(SIDE, box(SIDE)[::-1], sweep=1)
 
 
@@ -60,6 +71,9 @@ BACK = scan(SIDE, box(SIDE)) + scan(SIDE, box(SIDE)[::-1], sweep=1)
         (scan(FINE, box(FINE)), []),
         (scan(HEADINGS, np.where(THIRD, 4.0, ROOM)), ["largest range"]),
         (scan(HEADINGS, np.where(THIRD, 0.0, ROOM)), ["largest range"]),
+        (HOLES, ["largest range"]),
+        (scan(HEADINGS, BLOCK), []),  # far walls that all look the same
+        (scan(HEADINGS, CORNER), []),
         (scan(np.round(np.radians(HEADINGS), 4), ROOM), ["angles"]),
         (scan(np.degrees(HEADINGS), ROOM), ["angles"]),
         (scan(HEADINGS / 0.9, ROOM), ["angles"]),

@@ -3,7 +3,7 @@
 import json
 import re
 import signal
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import chain, cycle, repeat
 from pathlib import Path
 from urllib.parse import quote
@@ -137,6 +137,27 @@ def test_guess_gives_the_url_with_each_answer(capsys: pytest.CaptureFixture[str]
         f"next, with your answer: sonarhw scan '{urls[0]}' --out scan.mcap",
         *(f"or: sonarhw scan '{url}' --out scan.mcap" for url in urls[1:]),
     ]
+
+
+def test_guess_waits_for_a_device_that_prints_a_sweep_a_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(text_device, "LISTEN", 0.05)  # less than between two lines
+    monkeypatch.setattr(text_device, "LISTEN_MORE", 0.05)
+    sweeps = (b"SCAN:" + b",".join(b"%d" % (110 + (k * 7 + n) % 150) for k in range(37)) + b"\r\n" for n in range(9999))
+    with PrintingDevice(chain([b"Scanner ready: 0-180 deg, step 5\r\n"], slowly(sweeps))) as device:
+        assert run(["ports", "--guess", device.port]) == 0
+    printed = capsys.readouterr()
+    assert "pattern=SCAN:[{range},]...&unit=cm'" in printed.out
+    assert "such as 'SCAN:" in printed.out
+    assert "&step=DEGREES' --out scan.mcap" in printed.err
+
+
+def slowly(pieces: Iterable[bytes]) -> Iterator[bytes]:
+    """Yield pieces with pauses between them, in which other devices would be given up."""
+    for piece in pieces:
+        yield from (b"" for _ in range(200))
+        yield piece
 
 
 def test_a_scan_of_an_unknown_board_names_it_in_the_next_commands(
