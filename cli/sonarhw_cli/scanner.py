@@ -343,7 +343,7 @@ def ports(
     guess: Guess = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """List serial ports and check them for a scanner. The check may reset the device at a port."""
+    """List serial ports and what is there: a scanner, or text (`--guess`). The check may reset the device at a port."""
     from sonarhw.link import Port, serial_ports
 
     by_name = {found_port.device: found_port for found_port in serial_ports()}
@@ -424,7 +424,7 @@ def _guessed(port: "Port", wanted: bool) -> dict[str, Any]:
 
 def _print_draft(guess: "LineGuess") -> None:
     """Print the first proposal, while the command listens until a sweep has passed."""
-    options.print_note(f"{guess.port}: {guess.text}; listening until a sweep has passed")
+    options.print_note(f"{guess.port}: {guess.text}; listening on")
 
 
 # `sonarhw board`, behind `make board`: the real firmware on an emulated board in the demo room.

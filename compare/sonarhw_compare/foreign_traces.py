@@ -1,4 +1,4 @@
-"""Traces from arrays of samples of other programs: WAV, NPY, NPZ, MAT and text.
+"""Traces from arrays of samples of other programs: WAV, NPY, NPZ, MAT and text; and columns of ranges in such arrays.
 
 Each row of a table, or each channel of a WAV file, is the received signal of one ping, from the start of
 transmission on. The full scale of integers is that of their type; floats are shares of full scale, from −1 to 1, or
@@ -9,15 +9,18 @@ import math
 import re
 import warnings
 import zipfile
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sonarhw.errors import InputError
+from sonarhw.errors import InputError, counted
 from sonarhw.readings import FloatArray, Reading, Trace
+from sonarhw.text.evidence import REGULAR, sweeps
 from sonarhw.wire.limits import LONGEST_TRACE
 from sonarhw_compare.foreign_rows import MOST_SAMPLES, ForeignRow, Meaning, opened, readings_of, short_lines
 from sonarhw_compare.import_formats import is_oscilloscope, start_of_file
@@ -198,6 +201,98 @@ def _of_struct(file: Path, names: list[str], variable: str | None) -> NDArray[np
 _TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 _UNIT = re.compile(r"\(([a-zµ]+)\)|\b(ms|us|µs|ns)\b", re.IGNORECASE)
 _STEADY = 0.5  # share by which two steps of the time may differ, by rounding
+
+
+# Columns of angles and ranges: they become CSV, so that words, units and doubts are those of any other text.
+
+
+_MOST_COLUMNS = 16  # of a table; a trace has more samples
+_Array: TypeAlias = NDArray[np.generic]
+
+
+def columns_as_text(file: Path, variable: str | None) -> tuple[bytes, str]:
+    """Return the columns of an NPZ, NPY or MAT file as CSV, and what they were.
+
+    A row is a reading. `variable` selects one array, also in a structure (`data.scan`). Raises InputError if no arrays
+    can be columns.
+    """
+    arrays = parse_apart(_numeric_arrays, file, "an NPZ, NPY or MAT file")
+    if variable is not None:
+        arrays = {_chosen(file, [*arrays], variable): arrays[variable]}
+    names, columns = _columns_among(arrays)
+    if not columns:
+        listed = ", ".join(f"{name or 'array'} {value.shape}" for name, value in arrays.items()) or "no numbers"
+        raise InputError(
+            f"{file}: expected columns of angles and ranges with the same length, or one table of them, got {listed}; "
+            "variable=NAME selects a table; if they are received signals, the sampling rate is not stated; add rate=HZ"
+        )
+    rows = zip(*(column.tolist() for column in columns), strict=True)
+    lines = [",".join(str(cell) if math.isfinite(cell) else "none" for cell in row) for row in rows]
+    header, of_names = ([",".join(names)], f": {', '.join(names)}") if names else ([], "")
+    return "\n".join([*header, *lines, ""]).encode(), f"{counted(len(columns), 'column')} of arrays{of_names}"
+
+
+def _columns_among(arrays: Mapping[str, _Array]) -> tuple[Sequence[str], Sequence[_Array]]:
+    """Return names and columns: the arrays of the most usual length, or the only table, without names; else nothing."""
+    lengths = Counter(value.size for value in arrays.values() if value.ndim == 1)
+    length, count = max(lengths.items(), key=lambda item: (item[1], item[0]), default=(0, 0))
+    if count > 1:
+        names = [name for name, value in arrays.items() if value.ndim == 1 and value.size == length]
+        return [name.rpartition(".")[2] for name in names], [arrays[name] for name in names]
+    tables = [value for value in arrays.values() if value.ndim == 2]
+    if len(tables) != 1 or not 2 <= min(tables[0].shape) <= _MOST_COLUMNS:
+        return (), ()
+    (table,) = tables
+    # few rows may be traces; angles sweep
+    in_rows = table.shape[0] < table.shape[1]
+    if in_rows and not any(sweeps(row.tolist()) >= REGULAR for row in table):
+        return (), ()
+    return (), [*(table if in_rows else table.T)]
+
+
+def _numeric_arrays(file: Path) -> dict[str, _Array]:
+    """Return the arrays of several numbers in a file, by name, without axes of length 1; fields of structures, too."""
+    start, suffix = start_of_file(file, 8), file.suffix.lower()
+    arrays: dict[str, Any]
+    if start[:6] == b"\x93NUMPY":
+        arrays = {"": _npy(file)}
+    elif start[:2] == b"PK":
+        with zipfile.ZipFile(file) as archive:
+            _check_size(file, sum(entry.file_size for entry in archive.infolist()) / 2)
+            names = [name for name in archive.namelist() if not _has_objects(archive, name)]
+        with np.load(file, allow_pickle=False) as loaded:
+            arrays = {name.removesuffix(".npy"): loaded[name] for name in names}
+    elif start[:6] == b"MATLAB" or suffix == ".mat":
+        arrays = _of_mat(file)
+    else:
+        raise ValueError("it begins with other bytes")
+    fields = {
+        f"{name}.{part}" if name else part: value[part].item() if value[part].dtype == object else value[part]
+        for name, value in arrays.items()
+        if isinstance(value, np.ndarray) and value.size and value.dtype.names
+        for part in value.dtype.names
+        if value[part].dtype != object or value[part].size == 1
+    }
+    several = {name: np.squeeze(np.asarray(value)) for name, value in {**arrays, **fields}.items()}
+    return {name: value for name, value in several.items() if value.size > 1 and value.dtype.kind in "iuf"}
+
+
+def _has_objects(archive: zipfile.ZipFile, name: str) -> bool:
+    """Return whether a part of an NPZ file is an array of Python objects, which are not loaded. Raises ValueError."""
+    with archive.open(name) as part:
+        old = np.lib.format.read_magic(part) == (1, 0)
+        read_header = np.lib.format.read_array_header_1_0 if old else np.lib.format.read_array_header_2_0
+        return bool(read_header(part)[2].hasobject)
+
+
+def _of_mat(file: Path) -> dict[str, Any]:
+    from scipy.io import loadmat, whosmat
+
+    try:
+        _check_size(file, max(file.stat().st_size / 2, sum(math.prod(shape) for _, shape, _ in whosmat(file))))
+        return {name: value for name, value in loadmat(file, squeeze_me=True).items() if not name.startswith("__")}
+    except NotImplementedError as error:
+        raise InputError(f"{file}: a MAT file of version 7.3; save it with `save -v7`") from error
 
 
 def _oscilloscope(file: Path) -> tuple[NDArray[np.generic], float]:

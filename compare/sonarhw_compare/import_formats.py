@@ -85,21 +85,22 @@ ROS = ImportFormat(
 JSON_MCAP = ImportFormat("json-mcap", (), "MCAP files with JSON messages", False, True)
 RAW = ImportFormat(
     "raw",
-    (".wav", ".npy", ".npz", ".mat"),
+    (".wav", ".npy", ".npz"),
     "raw traces, also as text with a sampling rate, or as CSV of an oscilloscope",
     True,
     True,
     "foreign_traces:read_raw_traces",
 )
+ARRAYS = ImportFormat("arrays", (".mat",), "columns of angles and ranges in NPZ, NPY and MAT files", False, True)
 LOG = ImportFormat("log", (), "logs (.mcap), to correct them", False, False, "foreign_logs:read_own_log")
-FORMATS = (TEXT, CARMEN, PLAYER, BEESOFT, ARIA, PING360, ROS, JSON_MCAP, RAW, LOG)
+FORMATS = (TEXT, CARMEN, PLAYER, BEESOFT, ARIA, PING360, ROS, JSON_MCAP, RAW, ARRAYS, LOG)
 _MAGIC = (
     (b"#ROSBAG", ROS),
     (b"SQLite format 3\0", ROS),
-    (b"\x93NUMPY", RAW),
-    (b"MATLAB ", RAW),
-    (b"PK\x03\x04", RAW),
-    (b"\x89HDF\r\n\x1a\n", RAW),
+    (b"\x93NUMPY", ARRAYS),
+    (b"MATLAB ", ARRAYS),
+    (b"PK\x03\x04", ARRAYS),
+    (b"\x89HDF\r\n\x1a\n", ARRAYS),
 )
 _START = 65_536  # bytes that decide
 _HEAD = 2_000  # characters at the start of a trace of an oscilloscope
@@ -131,7 +132,7 @@ MCAP = b"\x89MCAP0\r\n"
 def import_format(file: Path, rate: float | None, name: str = "") -> ImportFormat:
     """Return the format of a file: that of a name, else by its content, else by its suffix, else text.
 
-    With a sampling `rate`, text is a table of samples. Raises InputError for a folder that is no bag.
+    With a sampling `rate`, text and arrays are samples. Raises InputError for a folder that is no bag.
     """
     if name:
         named = next((kind for kind in FORMATS if kind.name == name), None)
@@ -146,7 +147,9 @@ def import_format(file: Path, rate: float | None, name: str = "") -> ImportForma
     kind = _of_content(file, start)
     if kind is None:
         kind = next((kind for kind in FORMATS if file.suffix.lower() in kind.suffixes), None)
-    return (TEXT if rate is None else RAW) if kind is None else kind
+    if kind in (None, ARRAYS) and rate is not None:
+        return RAW
+    return TEXT if kind is None else kind
 
 
 def start_of_file(file: Path, size: int = _START) -> bytes:
@@ -222,18 +225,20 @@ def _of_mcap(file: Path, start: bytes) -> ImportFormat:
 
 
 _NEEDS = {
-    **dict.fromkeys(
-        ["preset", "pattern", "unit", "heading", "range", "time", "x", "y", "yaw", "decimal_comma"], "text"
-    ),
-    **dict.fromkeys(["angle", "scale", "mean_of"], "text log"),
+    **dict.fromkeys(["preset", "pattern", "decimal_comma"], "text"),
+    **dict.fromkeys(["unit", "heading", "range", "time", "x", "y", "yaw"], "columns"),
+    **dict.fromkeys(["angle", "scale", "mean_of"], "columns log"),
     **dict.fromkeys(["threshold", "blanking", "speed_of_sound"], "traces"),
-    **dict.fromkeys(["rate", "axis", "variable", "full_scale"], "raw"),
+    **dict.fromkeys(["axis", "full_scale"], "raw"),
+    **dict.fromkeys(["rate", "variable"], "raw arrays"),
     "no_echo": "ranges",
     "step": "steps",
     "topic": "bag",
 }
 _FACTS = {
     "text": "text",
+    "columns": "text",
+    "arrays": "columns in arrays",
     "log": "logs",
     "traces": "formats with traces",
     "ranges": "formats with ranges",
@@ -247,6 +252,8 @@ def takes_option(kind: ImportFormat, key: str) -> bool:
     """Return whether an option, a field of `ImportOptions`, applies to files of a format."""
     facts = {
         "text": kind in (TEXT, JSON_MCAP),
+        "columns": kind in (TEXT, JSON_MCAP, ARRAYS),
+        "arrays": kind is ARRAYS,
         "log": kind is LOG,
         "traces": kind.has_traces,
         "ranges": not kind.has_traces,

@@ -36,7 +36,17 @@ from sonarhw.text.words import ANGLE_UNITS, RANGE_UNITS, plain_text
 from sonarhw.wire.messages import MOST_DEGREES
 from sonarhw_compare.foreign_bags import json_messages
 from sonarhw_compare.foreign_rows import LONGEST, MOST_READINGS, ForeignRow, Meaning, readings_of
-from sonarhw_compare.import_formats import JSON_MCAP, LOG, RAW, TEXT, ImportFormat, import_format, refuse_options
+from sonarhw_compare.foreign_traces import columns_as_text
+from sonarhw_compare.import_formats import (
+    ARRAYS,
+    JSON_MCAP,
+    LOG,
+    RAW,
+    TEXT,
+    ImportFormat,
+    import_format,
+    refuse_options,
+)
 from sonarhw_compare.scans import GivenScan, reach_of
 
 # What a user may state about a file, and the scan in it.
@@ -615,10 +625,13 @@ def _refuse_missing(file: Path) -> None:
 
 def _read(file: Path, kind: ImportFormat, options: ImportOptions) -> ImportedScan:
     meaning = options.meaning(kind)
-    if kind in (TEXT, JSON_MCAP):
+    if kind in (TEXT, JSON_MCAP, ARRAYS):
         layout, known = options.layout, options.known
-        data = json_messages(file) if kind is JSON_MCAP else _content(file)
-        data, what = (data, "") if layout else as_long_text(str(file), data, meaning.step)
+        if kind is ARRAYS:
+            data, what = columns_as_text(file, options.variable or None)
+        else:
+            data, what = json_messages(file) if kind is JSON_MCAP else _content(file), ""
+        data, what = (data, what) if layout or what else as_long_text(str(file), data, meaning.step)
         if layout is not None:
             layout = replace(layout, scale=options.scale)
         scan = text_scan(str(file), data, meaning, layout, known)

@@ -151,7 +151,7 @@ def angle_unit(numbers: Sequence[float], named: NameMeaning, stated: Layout) -> 
 _DEGREES, _IN_GRADIANS, _IN_STEPS = {"angle": "deg"}, {"angle": "gon"}, {"angle": STEP, "step": "DEGREES"}
 BY_SWEEP = "because it sweeps"  # evidence of a number without a name
 DEGREES_ASSUMED = "unit of the angle not stated: degrees assumed; angle= changes it"  # evidence
-TURN_ASSUMED = "direction of the angle not stated: counter-clockwise, seen from above, assumed; turn=cw changes it"
+TURN_ASSUMED = "direction of the angle not stated: counter-clockwise assumed; turn=cw changes it"  # evidence
 _STEPS_OF_A_TURN = (24, 32, 48, 50, 64, 96, 100, 128, 200, 240, 256)  # of motors and encoders
 _GRADIANS = (50.0, 100.0, 200.0, 300.0)  # parts of a turn that are round in gradians only
 _NARROW = 80.0  # degrees; few radars sweep less

@@ -55,6 +55,8 @@ def scans() -> dict[str, bytes]:
         "trace.npy": _npy(samples),
         "trace.npz": _npz(samples),
         "trace.mat": _mat(samples),
+        "columns.npz": _columns(),
+        "columns.npy": _npy(samples.T[:, :2]),
     }
 
 
@@ -157,6 +159,13 @@ def _npy(samples: np.ndarray) -> bytes:
 def _npz(samples: np.ndarray) -> bytes:
     file = io.BytesIO()
     np.savez_compressed(file, trace=samples)
+    return file.getvalue()
+
+
+def _columns() -> bytes:
+    file = io.BytesIO()
+    angles = np.arange(0.0, 180.0, 5.0)
+    np.savez_compressed(file, angle_deg=angles, range_m=1 + angles / 200, label=angles.astype(str))
     return file.getvalue()
 
 

@@ -108,14 +108,6 @@ def test_a_trace_of_an_oscilloscope_begins_at_its_trigger(maker: str, tmp_path: 
     np.testing.assert_allclose(reading.trace.samples, SIGNAL[100:] / 0.5, atol=1e-5)
 
 
-@pytest.mark.parametrize("seed", range(20))
-def test_the_rate_of_an_array_is_asked_for_whatever_its_bytes_are(seed: int, tmp_path: Path) -> None:
-    file = tmp_path / "scan.npz"
-    np.savez(file, x=np.random.default_rng(seed).random((2, 400)))
-    with pytest.raises(InputError, match="rate="):
-        import_scan(file)
-
-
 SWEEP = [*range(15, 166, 5), *range(160, 14, -5)]
 FARTHER = [round(1 + angle / 300, 3) for angle in SWEEP]  # m
 OF_ROS = "angle_min: 0.0\nangle_increment: {step}\nrange_min: 0.1\nrange_max: 4.0\nranges: {ranges}\n---\n"
