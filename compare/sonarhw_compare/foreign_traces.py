@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from sonarhw.errors import InputError, counted
 from sonarhw.readings import FloatArray, Reading, Trace
 from sonarhw.text.evidence import REGULAR, sweeps
+from sonarhw.text.proposals import propose
 from sonarhw.wire.limits import LONGEST_TRACE
 from sonarhw_compare.foreign_rows import MOST_SAMPLES, ForeignRow, Meaning, opened, readings_of, short_lines
 from sonarhw_compare.import_formats import is_oscilloscope, start_of_file
@@ -210,26 +211,27 @@ _MOST_COLUMNS = 16  # of a table; a trace has more samples
 _Array: TypeAlias = NDArray[np.generic]
 
 
-def columns_as_text(file: Path, variable: str | None) -> tuple[bytes, str]:
+def columns_as_text(file: Path, variable: str | None, named: bool) -> tuple[bytes, str]:
     """Return the columns of an NPZ, NPY or MAT file as CSV, and what they were.
 
-    A row is a reading. `variable` selects one array, also in a structure (`data.scan`). Raises InputError if no arrays
-    can be columns.
+    A row is a reading. `variable` selects one array, also in a structure (`data.scan`). `named`: the user names the
+    columns; otherwise angles and ranges must be recognised. Raises InputError if no arrays can be columns.
     """
     arrays = parse_apart(_numeric_arrays, file, "an NPZ, NPY or MAT file")
     if variable is not None:
         arrays = {_chosen(file, [*arrays], variable): arrays[variable]}
     names, columns = _columns_among(arrays)
-    if not columns:
+    rows = zip(*(column.tolist() for column in columns), strict=True)
+    lines = [",".join(str(cell) if math.isfinite(cell) else "none" for cell in row) for row in rows]
+    header, of_names = ([",".join(names)], f": {', '.join(names)}") if names else ([], "")
+    text = "\n".join([*header, *lines, ""]).encode()
+    if not columns or not (named or propose(text, begins_whole=True).layout):
         listed = ", ".join(f"{name or 'array'} {value.shape}" for name, value in arrays.items()) or "no numbers"
         raise InputError(
             f"{file}: expected columns of angles and ranges with the same length, or one table of them, got {listed}; "
             "variable=NAME selects a table; if they are received signals, the sampling rate is not stated; add rate=HZ"
         )
-    rows = zip(*(column.tolist() for column in columns), strict=True)
-    lines = [",".join(str(cell) if math.isfinite(cell) else "none" for cell in row) for row in rows]
-    header, of_names = ([",".join(names)], f": {', '.join(names)}") if names else ([], "")
-    return "\n".join([*header, *lines, ""]).encode(), f"{counted(len(columns), 'column')} of arrays{of_names}"
+    return text, f"{counted(len(columns), 'column')} of arrays{of_names}"
 
 
 def _columns_among(arrays: Mapping[str, _Array]) -> tuple[Sequence[str], Sequence[_Array]]:

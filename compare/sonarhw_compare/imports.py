@@ -628,7 +628,7 @@ def _read(file: Path, kind: ImportFormat, options: ImportOptions) -> ImportedSca
     if kind in (TEXT, JSON_MCAP, ARRAYS):
         layout, known = options.layout, options.known
         if kind is ARRAYS:
-            data, what = columns_as_text(file, options.variable or None)
+            data, what = columns_as_text(file, options.variable or None, named=bool(options.heading))
         else:
             data, what = json_messages(file) if kind is JSON_MCAP else _content(file), ""
         data, what = (data, what) if layout or what else as_long_text(str(file), data, meaning.step)
