@@ -20,6 +20,7 @@ from sonarhw.readings import BoolArray, FloatArray
 _EXACTLY = 1e-9  # m; a wall through the middles of cells separates them in spite of rounding
 _CELLS = 120  # along the longer side of the room, by default
 TRIES = 100_000  # to draw a position
+_MANY = 1_000  # of them, after which it is worth computing whether there is one
 
 
 @dataclass(frozen=True)
@@ -55,13 +56,20 @@ class FreeSpace:
         """
         rows, columns = self.free.shape
         size = np.array([columns * self.spacing, rows * self.spacing])
-        for _ in range(TRIES):
+        for tries in range(TRIES):
+            if tries == _MANY and self._widest() <= clearance:
+                break
             point = np.array([self.left, self.bottom]) + random.random(2) * size
             if self.holds(point, clearance):
                 return float(point[0]), float(point[1])
         raise InputError(
             f"room {self.room.name!r}: no place is {clearance:g} m from every wall and post; use a smaller clearance"
         )
+
+    def _widest(self) -> float:
+        """Return a distance from every wall and post that no free position exceeds, m."""
+        from_middle = self.spacing / math.sqrt(2)  # to the corner of a cell
+        return float(distances_to(self.room, self.middles).max(initial=-math.inf)) + from_middle
 
 
 def find_free_space(room: Room, spacing: float | None = None) -> FreeSpace:

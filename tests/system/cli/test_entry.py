@@ -199,9 +199,9 @@ class Blocking(DevicePlugin):
         pass
 """
 CALLED = {
-    "scan": "import init identity open begin read end ignored stopped",  # stopped: `end`, after Ctrl-C in a scan
-    "gui": "import init identity",  # it scans on request only
-    "serve": "import open begin read",
+    "scan": "import identity begin read end ignored stopped",  # stopped: `end`, after Ctrl-C in a scan
+    "gui": "import init",  # it scans on request only
+    "serve": "open read",
 }
 KEPT = ("read", "stopped")  # calls before which a scan has readings
 POINTS = "[sonarhw.devices]\nblocking = blocking:Blocking\n"

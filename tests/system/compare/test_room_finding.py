@@ -123,7 +123,7 @@ def test_written_positions_without_headings_determine_the_room_and_its_direction
     poses, room_file = tmp_path / "poses.csv", tmp_path / "found.toml"
     rows = [f"{name}.mcap,{x},{y},,0.03," for name, (x, y) in PLACES.items()]
     poses.write_text("\n".join(["log,x_m,y_m,heading_deg,sd_xy_m,sd_heading_deg", *rows]))
-    assert run(["map", *logs(folder), "--poses", str(poses), "--out", str(room_file)]) == 0
+    assert run(["map", *logs(folder), "--poses", str(poses), "--out", str(room_file), "--effort", "quick"]) == 0
     found = load_room(room_file)
     assert missing_walls(found) == []
     assert max(abs(math.remainder(found.places[name].heading, math.tau)) for name in PLACES) < TURNED

@@ -158,20 +158,16 @@ def test_a_plate_has_the_level_of_a_perfect_wall_times_the_beam_there_and_back()
 # A value is changed if no single place decides it.
 
 
-@pytest.mark.parametrize(("offsets", "changed"), [((0.03, 0.03, 0.03), "range_offset"), ((0.0, 0.0, 0.06), None)])
-def test_a_value_of_the_geometry_is_changed_only_if_it_is_so_without_each_place(
-    offsets: tuple[float, ...], changed: str | None
-) -> None:
+def test_a_value_of_the_geometry_that_one_place_alone_shows_is_not_changed() -> None:
     room, board = load_room("arena"), load_board("hc-sr04")
     scans = [
         PlacedScan(predicted_readings(room, room.places[name], replace(board, range_offset=by), 10.0), place, name)
-        for name, by in zip(("p0", "p2", "p3"), offsets, strict=True)
+        for name, by in zip(("p0", "p2", "p3"), (0.0, 0.0, 0.06), strict=True)
         for place in [room.places[name]]
     ]
     found = calibrate_in_room(board, scans, room)
-    geometry = [finding.key for finding in found.findings if finding.key in found.without_places]
-    assert geometry == ([changed] if changed else [])
-    # 6 cm at one place look like another scale of the turntable, but not without this place or another one
-    assert all("by all scans, but without p" in found.kept[key] for key in found.without_places if key != changed)
     assert found.without_places
+    assert not found.without_places.keys() & {finding.key for finding in found.findings}
+    # 6 cm at one place look like another scale of the turntable, but not without this place or another one
+    assert all("by all scans, but without p" in found.kept[key] for key in found.without_places)
     assert any(" without p0: " in line for line in found.lines())

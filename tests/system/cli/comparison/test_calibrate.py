@@ -146,11 +146,7 @@ def test_clutter_of_a_laboratory_is_no_plate(
     ("name", "trailing"),
     [
         ("bench", "[mount]\nahead = 0.01\n"),
-        ("bench", CHIRP),
-        ('a "quoted" name', CHIRP),
-        ("back\\slash", CHIRP),
-        ("newline\n#", CHIRP),
-        ("umlaut ä", CHIRP),
+        ('a "quoted" back\\slash, an ä and a\n# new line', CHIRP),
     ],
 )
 def test_keys_go_to_the_top_of_the_profile_and_any_name_is_valid(tmp_path: Path, trailing: str, name: str) -> None:
@@ -258,14 +254,14 @@ def test_logs_that_determine_no_value_give_no_profile(folder: Path, tmp_path: Pa
 
 @pytest.fixture(scope="module")
 def in_room(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    """Logs of a sensor with the board TRUE at p0 to p3, where the walls reflect less than the file says."""
+    """Logs of a sensor with the board TRUE at p0, p1 and p3, where the walls reflect less than the file says."""
     folder = tmp_path_factory.mktemp("room")
     board = load_board("lego-nxt").text.replace("threshold_db = -17.5", "threshold_db = -20.5") + TRUE
     (folder / "true.toml").write_text(board)
     (folder / "room.toml").write_text(load_room("arena").text.replace("reflectance = 0.9", "reflectance = 0.7"))
-    logs = [folder / f"p{number}.mcap" for number in range(4)]
+    logs = [folder / f"p{number}.mcap" for number in (0, 1, 3)]
     for log in logs:
-        options = ("--board", folder / "true.toml", "--own-body", "--step", "4", "--out", log)
+        options = ("--board", folder / "true.toml", "--own-body", "--step", "5", "--out", log)
         printed("simulate", folder / "room.toml", "--place", log.stem, *options)
     return logs
 
