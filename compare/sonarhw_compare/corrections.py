@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from sonarhw_sim.air import Model
-from sonarhw_sim.predict.prediction import PredictionOptions, paths_serve_all_headings, predict_scan
+from sonarhw_sim.predict.prediction import PredictionOptions, paths_serve_all_headings, predict_scan, predict_with
 
 from sonarhw.errors import in_degrees
 from sonarhw.readings import FloatArray
@@ -62,11 +62,32 @@ _SAME_HEADING = math.radians(3)
 def agreement_doubts(where: str, comparison: Comparison, model: Model = Model.RAY_FOLLOWING) -> tuple[str, ...]:
     """Return a warning if a correction would explain clearly more echoes, or else if few are explained.
 
-    `where` is the name of the scan. Corrections are those of the prediction by rays.
+    `where` is the name of the scan. Corrections are those of the prediction by rays; the ranges may also be those of a
+    sensor that measures light.
     """
-    corrected = correction_doubt(where, comparison) if model is Model.RAY_FOLLOWING else None
+    corrected = None
+    if model is Model.RAY_FOLLOWING:
+        corrected = correction_doubt(where, comparison) or _light_doubt(where, comparison)
     summary = comparison.summary()
     return (corrected,) if corrected else few_explained(where, summary.within_5cm, summary.n_echo)
+
+
+def _light_doubt(where: str, comparison: Comparison) -> str | None:
+    """Return a warning if the nearest wall ahead explains clearly more echoes than sound does, else None."""
+    summary, prediction = comparison.summary(), comparison.prediction
+    share, rows = summary.within_5cm, [row for row in comparison.rows if row.measured is not None]
+    if share is None or len(rows) < _FEWEST or prediction.board.ring is not None or prediction.poses is not None:
+        return None
+    headings = np.array([row.heading for row in rows], np.float64)
+    nearest = predict_with(Model.NEAREST, prediction.room, prediction.place, prediction.board, headings).ranges
+    measured = np.array([row.measured for row in rows], np.float64)
+    better = float((np.abs(measured - nearest) <= TOLERANCE).mean())
+    if better < max(_LEAST, share + _GAIN):
+        return None
+    return (
+        f"{where}: {share:.0%} of {summary.n_echo} echoes are within 5 cm of the prediction, {better:.0%} of the first "
+        "wall ahead, as those of a light sensor are; `sonarhw compare LOG --model nearest` predicts them"
+    )
 
 
 def correction_doubt(where: str, comparison: Comparison) -> str | None:
