@@ -377,6 +377,9 @@ _START_AND_STEP = {
 }
 
 
+_INTERVAL = re.compile(r"([-+\d.e]*\d)\s*([mµun]?s)?", re.IGNORECASE)
+
+
 def _increment(head: list[list[str]]) -> tuple[float, float] | None:
     """Return start and step of the times where samples are counted, s: columns named so, or a key."""
     for row, below in pairwise(head):
@@ -387,8 +390,10 @@ def _increment(head: list[list[str]]) -> tuple[float, float] | None:
         written = [_START_AND_STEP[key].search(",".join(row)) for key in ("start", "step")]
         if written[0] and written[1]:
             return float(written[0][1]), float(written[1][1])
-        if row[0].strip().lower() == "sample interval" and len(row) > 1 and _is_number(row[1]):
-            return 0.0, float(row[1])
+        key = row[0].strip(": \t").lower()
+        steps = filter(None, (_INTERVAL.fullmatch(cell.strip()) for cell in row[1:]))
+        if key in ("sample interval", "time interval") and (step := next(steps, None)):
+            return 0.0, float(step[1]) * _TIME_UNITS[(step[2] or "s").lower()]
     return None
 
 

@@ -104,7 +104,9 @@ _MAGIC = (
 )
 _START = 65_536  # bytes that decide
 _HEAD = 2_000  # characters at the start of a trace of an oscilloscope
-_KEYS_OF_SCOPES = re.compile(r"\W*(record length|sample interval|x-axis)\W|#clock=|.*\btinc\s*=", re.IGNORECASE)
+_KEYS_OF_SCOPES = re.compile(
+    r"\W*(record length|sample interval|time interval|x-axis)\W|#clock=|.*\btinc\s*=", re.IGNORECASE
+)
 _TIMES = ("time", "zeit", "temps", "tiempo", "tempo", "second", "seconds", "s", "x", "in")
 _SIGNALS = frozenset(
     [

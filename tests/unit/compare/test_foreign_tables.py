@@ -81,6 +81,10 @@ IN_MS = [f"{time * 1e3:.6f},{volts:.6f}" for time, volts in zip(TIMES, SIGNAL, s
 TDS = ["Record Length,4e2,,", "Sample Interval,1e-5,,", "Vertical Units,V,,"]
 COUNTED = [f"{k},{volts:.6f},," for k, volts in enumerate(SIGNAL)]
 IN_MV = [f"{time * 1e3:.6f};{1e3 * volts:.6f}".replace(".", ",") for time, volts in zip(TIMES, SIGNAL, strict=True)]
+OWON = (
+    "Channel \t:,CH1\nFrequency \t:,F=1.498kHz\nPK-PK\t:,Vpp=1.280V\nVoltage per ADC value:,20.00mV\n"
+    "Time interval\t\t :,10.00uS\n\nindex,CH1_Voltage(mV)"
+)
 OSCILLOSCOPES = {
     "Rigol DS": _lines("X,CH1,Start,Increment,", ["Sequence,Volt,-1.0e-3,1.0e-5,", *COUNTED]),
     "Rigol MSO": _lines("Time(s),CH1(V),t0 = -1.0e-3s, tInc = 1.0e-05,", [f"{pair},," for pair in PAIRS]),
@@ -94,6 +98,11 @@ OSCILLOSCOPES = {
     "LeCroy": _lines("LECROYWS,1,Waveform\nSegments,1\nTime,Ampl", PAIRS),
     "Digilent": _lines("#Digilent WaveForms\n#Samples: 400\n\nTime (s),Channel 1 (V)", PAIRS),
     "Rohde & Schwarz": _lines("in s,CH1 in V", PAIRS),
+    "OWON": _lines(OWON, [f"{k},{1e3 * volts:.4f}" for k, volts in enumerate(SIGNAL[100:])]),  # states no trigger
+    "OWON, several channels": _lines(
+        OWON.replace(",", "\t").replace("mV)", "mV)\tCH2_Voltage(mV)"),
+        [f"{k}\t{1e3 * volts:.4f}\t0.0" for k, volts in enumerate(SIGNAL[100:])],
+    ),
 }
 
 
@@ -103,7 +112,7 @@ def test_a_trace_of_an_oscilloscope_begins_at_its_trigger(maker: str, tmp_path: 
     file.write_text(OSCILLOSCOPES[maker])
     with pytest.raises(InputError, match="volts; add full_scale"):
         import_scan(file)
-    (reading,) = import_scan(file, ImportOptions(full_scale=0.5)).readings
+    reading, *_ = import_scan(file, ImportOptions(full_scale=0.5)).readings
     assert reading.trace.rate == pytest.approx(1 / STEP)
     np.testing.assert_allclose(reading.trace.samples, SIGNAL[100:] / 0.5, atol=1e-5)
 
