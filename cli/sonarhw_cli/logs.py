@@ -137,7 +137,7 @@ SpeedOfSound = Annotated[
 def import_scan(
     context: typer.Context,
     file: ForeignFile,
-    out: Annotated[Path, typer.Option("--out", help="Log to write (*.mcap).")],
+    out: Annotated[Path, typer.Option("--out", help="Log to write.", metavar="LOG.mcap")],
     format_name: Format = None,
     preset: Preset = None,
     pattern: Pattern = None,
@@ -304,7 +304,7 @@ def log_export(
 @app.command("recover")
 def log_recover(
     log: LogFile,
-    out: Annotated[Path, typer.Option("--out", help="Log to write (*.mcap).")],
+    out: Annotated[Path, typer.Option("--out", help="Log to write.", metavar="LOG.mcap")],
     force: options.Force = False,
 ) -> None:
     """Repair a torn log. Everything readable is written to a new log. The number of missing readings is printed."""
