@@ -201,6 +201,8 @@ class ImportedScan(GivenScan):
             made = replace(made, board=recorded.board, board_text=recorded.board_text)
         if not place_is_stated and any(reading.pose for reading in self.readings):
             made = replace(made, place="")
+        if recorded is not None:
+            made = replace(made, made_by=recorded.made_by)
         how = self.read_as if recorded is None else (recorded.read_as, *self.read_as)
         return replace(made, source=self.where, read_as="; ".join(filter(None, how)))
 
@@ -599,7 +601,7 @@ def import_scan(file: Path | str | os.PathLike[str], options: ImportOptions | No
         warnings.simplefilter("always")
         scan = _read(path, kind, options)
     silent = math.nan if options.no_echo is None else options.no_echo * (scan.scale or 1.0)
-    readings = [replace(reading, origin=Origin.IMPORTED) for reading in scan.readings]
+    readings = [replace(reading, origin=reading.origin or Origin.IMPORTED) for reading in scan.readings]
     kept = readings if options.mean_of is None else _without_means(readings, silent, scan.scale, options.mean_of)
     left_out = len(readings) - len(kept)
     means = f"{counted(left_out, 'mean')} of different ranges left out"
@@ -642,7 +644,11 @@ def _read(file: Path, kind: ImportFormat, options: ImportOptions) -> ImportedSca
     how = f"corrected: {stated or 'nothing'}" if kind is LOG else f"read as {kind.title}"
     units = (f"{kind.units}: by the definition of the format",) if kind.units else ()
     scan = ImportedScan(str(file), tuple(readings), read_as=(how, *units), scale=scale)
-    return replace(scan, recorded=read_log(file).metadata) if kind is LOG else scan
+    if kind is not LOG:
+        return scan
+    log = read_log(file)  # a corrected log keeps the origin of its readings
+    same = tuple(replace(reading, origin=log.origin) for reading in scan.readings)
+    return replace(scan, readings=same, recorded=log.metadata)
 
 
 def _without_means(readings: list[Reading], silent: float, scale: float | None, mean_of: int) -> list[Reading]:

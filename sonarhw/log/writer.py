@@ -31,7 +31,7 @@ from mcap_protobuf.schema import build_file_descriptor_set
 from sonarhw.errors import LogError, counted_are
 from sonarhw.files import DiskSpaceMonitor, atomic_file, replace_regular
 from sonarhw.log import reader
-from sonarhw.readings import Reading, RobotPose, Trace
+from sonarhw.readings import FAKE_FIRMWARE, Origin, Reading, RobotPose, Trace
 from sonarhw.wire import messages
 from sonarhw.wire.frames import Frame, encode_frame, frame_type
 from sonarhw.wire.limits import KEPT_READINGS, PROTOCOL_MAJOR, PROTOCOL_MINOR
@@ -855,11 +855,14 @@ def _speed_of_sound(readings: Sequence[Reading]) -> int:
 
 def _info(metadata: reader.LogMetadata, readings: Sequence[Reading]) -> messages.Info:
     traces = [reading.trace for reading in readings if reading.trace is not None]
+    # the origin of a log follows from its writer and this name
+    is_fake = bool(readings) and readings[0].origin is Origin.FAKE
+    maker = FAKE_FIRMWARE if is_fake else f"sonarhw {metadata.made_by}"
     return messages.Info(
         command=_HELLO,
         major=PROTOCOL_MAJOR,
         minor=PROTOCOL_MINOR,
-        firmware=f"sonarhw {metadata.made_by} {metadata.product_version}",
+        firmware=f"{maker} {metadata.product_version}",
         serial="",
         board=metadata.board,
         temperature=messages.centidegrees_of(readings[0].temperature_c if readings else None),

@@ -12,8 +12,10 @@ import sonarhw_compare
 from sonarhw_compare.imports import ImportedScan, ImportOptions, import_scan
 
 from sonarhw.errors import InputError
+from sonarhw.log import LogMetadata, read_log
+from sonarhw.log.writer import write_scan
 from sonarhw.mean_ranges import are_means, likely_pings, unit_of
-from sonarhw.readings import FloatArray
+from sonarhw.readings import FloatArray, Origin, Reading
 
 
 def imported(folder: Path, text: str, **stated: Any) -> ImportedScan:
@@ -210,6 +212,28 @@ def test_names_of_earlier_versions_read_the_same_scan(tmp_path: Path) -> None:
     file.write_text("a,b\n1,2\n2,3\n3,4\n4,5\n")
     with pytest.raises(InputError, match="name the columns"):
         sonarhw_compare.guess_columns(file)
+
+
+@pytest.mark.parametrize(
+    ("made_by", "origin"),
+    [
+        ("scan", Origin.MEASURED),
+        ("scan", Origin.FAKE),
+        ("simulate", Origin.SIMULATED),
+        ("import", Origin.IMPORTED),
+    ],
+)
+def test_a_corrected_log_keeps_the_origin_of_its_readings(tmp_path: Path, made_by: str, origin: Origin) -> None:
+    log, corrected = tmp_path / "scan.mcap", tmp_path / "corrected.mcap"
+    readings = [Reading(k, 0, 0, k / 10, 0.1 * k, (0.004,), 343.0, origin=origin) for k in range(5)]
+    write_scan(log, LogMetadata(made_by, 1e9), readings)
+    assert read_log(log).origin is origin
+    scan = import_scan(log, ImportOptions(turn="cw"))
+    assert {reading.origin for reading in scan.readings} == {origin}
+    write_scan(corrected, scan.metadata(LogMetadata("import", 2e9)), scan.readings)
+    written = read_log(corrected)
+    assert (written.origin, {reading.origin for reading in written.readings}) == (origin, {origin})
+    assert "corrected: turn=cw" in written.metadata.read_as
 
 
 def test_text_in_another_encoding_is_refused_with_what_to_do(tmp_path: Path) -> None:
