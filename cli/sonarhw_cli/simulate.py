@@ -166,7 +166,7 @@ def write_predicted_picture(scan: "PredictedScan", out: Path, force: bool) -> No
     """Write the plan of the room with the prediction as a picture."""
     from sonarhw_compare.drawings import draw_plan
 
-    title = f"{scan.room.name}, place {scan.place.name}, board {scan.board.name}"
+    title = f"{scan.room.name}, {scan.where}, board {scan.board.name}"
     outputs.write_figure(out, draw_plan(scan, title=title), force)
 
 

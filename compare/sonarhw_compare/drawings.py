@@ -9,11 +9,13 @@ from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import QuadMesh
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Ellipse, Patch
 from matplotlib.patheffects import withStroke
 from matplotlib.text import Annotation
@@ -30,7 +32,7 @@ from sonarhw_compare import pictures
 from sonarhw_compare.arcs import Arc, direction, headings_and_ranges
 from sonarhw_compare.calibration.room import RoomCalibration
 from sonarhw_compare.fit.result import PlacedScan
-from sonarhw_compare.locate import NEAR, Located, Pose
+from sonarhw_compare.locate import Located, Pose
 from sonarhw_compare.map import Layer, RoomMap, reflections_of
 from sonarhw_compare.match import Comparison, Kind, compare_readings
 from sonarhw_compare.track import Track
@@ -63,7 +65,7 @@ def names_by_position(places: Iterable[Place]) -> dict[Point, str]:
     return {position: fill(", ".join(names), _MOST) for position, names in by_position.items()}
 
 
-def set_apart(figure: Figure, labels: Sequence[Annotation], kept: Sequence[Annotation]) -> None:
+def set_apart(figure: Figure, labels: Sequence[Annotation], kept: Sequence[Artist]) -> None:
     """Move each label of a figure that is laid out to where it covers no earlier one, and nothing that is `kept`.
 
     A label that covers something everywhere stays at the first side.
@@ -123,6 +125,9 @@ _SHADE_OF_LEGEND = 0.4  # opacity of the shading's sample
 _LIMITED, _LOWER, _HIGHER = "limited height", "lower than the transducer", "higher than the transducer"
 _LINES = {"": "-", _LIMITED: ":", _LOWER: ":", _HIGHER: "-."}  # of walls and posts
 _PLAN = 7.0  # inches, the longer side of the plan
+_LINE = 0.25  # inches, of a line of a legend
+_MARGIN = 0.05  # around what a plan shows, of its longer side
+_POSE_ARROW = 0.09  # of the longer side of the plan, arrow of turntable step 0
 _MOVED = 1e-3  # m, more than the rounding of a room file
 
 
@@ -164,32 +169,59 @@ def _drawn_plan(
     """Return the figure of `draw_plan` with measured points (n, 2) m."""
     figure = new_figure(8, 7, 120)
     axes = figure.add_subplot()
-    draw_room(axes, scan.room, scan.place)
     predicted = points_at(scan.standpoints, scan.headings, scan.ranges)
-    axes.plot(*predicted.T, "o", mfc="none", mec=pictures.PREDICTED, ms=7, label="predicted")
+    shown = [_corners(scan.room), measured, own_body, scan.standpoints, _corners(changed or scan.room)]
+    # echoes by several reflections appear far outside; without measured points, they are the subject
+    low, high = _around([*shown, *(() if len(measured) else (predicted,))], _MARGIN)
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+    draw_room(axes, scan.room, scan.place)
+    outside = int(((predicted < low) | (predicted > high)).any(axis=1).sum())
+    name = f"predicted ({outside} more outside)" if outside else "predicted"
+    axes.plot(*predicted.T, "o", mfc="none", mec=pictures.PREDICTED, ms=7, label=name)
     drawn = ((measured, ".", pictures.MEASURED, 6, origin.value), (own_body, "D", pictures.OWN_BODY, 4, "own body"))
     for points, marker, colour, size, label in drawn:
         if len(points):
             axes.plot(*points.T, marker, color=colour, ms=size, ls="none", label=label)
     if changed is not None:
         _draw_found(axes, scan.room, changed)
-    if scan.poses is None:
-        mark_sensors(axes, scan.place.position)
-    else:
+    if scan.poses is not None:
         draw_trajectory(axes, scan.poses, "sensor", "black")
+    else:
+        draw_sensor(axes, scan)
     named = pictures.picture_text(title or f"{scan.room.name}, {scan.where}")
-    axes.set(xlabel="x (m)", ylabel="y (m)", title=named)
-    axes.set_aspect("equal")
+    axes.set(xlabel="x (m)", ylabel="y (m)")
+    axes.set_title(named, wrap=True)
     axes.grid(alpha=0.25)
-    # of the figure: the layout reserves too little space for a legend of axes of equal scale
     handles, _ = axes.get_legend_handles_labels()
     if shading is not None:
         _draw_shading(axes, scan, shading)
         handles.append(Patch(color=pictures.PREDICTED, alpha=_SHADE_OF_LEGEND, label="probability of a range"))
-    figure.legend(handles=handles, loc="outside lower center", ncols=4)
-    extent = axes.dataLim
-    scale = _PLAN / max(extent.width, extent.height)
-    figure.set_size_inches(1 + max(_PLAN / 2, extent.width * scale), 1.5 + max(_PLAN / 4, extent.height * scale))
+    return _sized(figure, axes, handles)
+
+
+def _corners(room: Room) -> FloatArray:
+    """Return the ends of walls and the sides of posts, (k, 2) m."""
+    sides = room.posts[:, None, :2] + room.posts[:, None, 2:] * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
+    return np.vstack((room.walls.reshape(-1, 2), sides.reshape(-1, 2)))
+
+
+def _sized(figure: Figure, axes: Axes, handles: Sequence[Any], beside: float = 0.0) -> Figure:
+    """Return the figure with the size that a plan within the limits of its axes needs, and with its legend below.
+
+    `beside` is the width of what is beside the plan, inches.
+    """
+    width, height = (float(np.ptp(limits)) for limits in (axes.get_xlim(), axes.get_ylim()))
+    scale = _PLAN / max(width, height)
+    axes.set_aspect("equal")
+    figure.set_size_inches(
+        1 + beside + max(_PLAN / 2, width * scale), 1.2 + _LINE * len(handles) / 2 + max(_PLAN / 4, height * scale)
+    )
+    # of the figure: the layout reserves too little space for a legend of axes of equal scale
+    for columns in range(min(4, len(handles)), 0, -1):
+        legend = figure.legend(handles=handles, loc="outside lower center", ncols=columns)
+        if columns == 1 or legend.get_window_extent().width <= figure.bbox.width:
+            break
+        legend.remove()
     return laid_out(figure)
 
 
@@ -238,10 +270,20 @@ def _draw_shading(axes: Axes, scan: PredictedScan, shading: pictures.RangeShadin
 
 def mark_sensors(
     axes: Axes, positions: FloatArray | tuple[float, float], label: str = "sensor", color: str = "black"
-) -> None:
-    """Mark the positions of sensors, (n, 2) m or one, by dots. A dot states no heading: a scan has many."""
+) -> list[Line2D]:
+    """Mark the positions of sensors, (n, 2) m or one, by dots; return these. A dot states no heading."""
     x, y = np.transpose(positions)
-    axes.plot(x, y, "o", color=color, mec="white", ms=8, ls="none", label=label, zorder=5)
+    return axes.plot(x, y, "o", color=color, mec="white", ms=8, ls="none", label=label, zorder=5)
+
+
+def draw_sensor(axes: Axes, scan: PredictedScan) -> None:
+    """Mark the place of a scan, with an arrow along turntable step 0; a ring of sensors has no turntable."""
+    if scan.board.ring is not None:
+        mark_sensors(axes, scan.place.position)
+        return
+    longer = float(max(np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim())))
+    draw_heading(axes, scan.place.position, scan.place.heading, _POSE_ARROW * longer, "black")
+    mark_sensors(axes, scan.place.position, "sensor, step 0 along the arrow")
 
 
 def draw_trajectory(axes: Axes, poses: FloatArray, label: str, color: str) -> None:
@@ -463,9 +505,9 @@ def _or(values: np.ndarray, instead: float) -> np.ndarray:
 
 _DEEPEST = 12.0  # of the logarithm, lower end of the shading
 _MOST_POSES = 5
-_MARGIN = 0.05  # around the room, of the axes
-_POSE_ARROW = 0.09  # of the room's longer side
-_BESIDE_POSE, _ABOVE_POSE = 8, 14  # points, from a mark to its text: beside it, and above or below it
+_LEAST_DRAWN = 0.005  # probability; a less probable pose would be stated as 0 %
+_ONE_MARK = 0.03  # of the longer side of the plan, between poses that share a text
+_COLOUR_BAR = 1.1  # inches, width of the colour bar with its label
 
 
 @arguments.checked(located=arguments.instance(Located, "the result of `locate`"))
@@ -481,28 +523,39 @@ def draw_located(located: Located) -> Figure:
     headings = np.array([board.heading_at(reading.angle, best.heading) for reading in echoes])
     sensors = standpoints(board, board.faced(place), headings)
     ranges = np.array([float(reading.range or 0) + best.offset for reading in echoes])
-    axes.plot(
-        *points_at(sensors, headings, ranges).T,
-        ".",
-        color=pictures.MEASURED,
-        ms=6,
-        label="scan, at the best pose",
-    )
-    _draw_places(axes, located)
-    for pose in located.poses[:_MOST_POSES]:
-        _draw_pose(axes, pose, _POSE_ARROW * float(np.ptp(located.room.walls.reshape(-1, 2), axis=0).max()))
-    mark_sensors(
-        axes, np.empty((0, 2)), color=pictures.PREDICTED, label="probable pose, turntable step 0 along the arrow"
-    )
-    axes.set(
-        xlabel="x (m)", ylabel="y (m)", title=f"{pictures.picture_text(located.room.name)}: where the scan was taken"
-    )
-    axes.set_aspect("equal")
-    # the image would limit the axes to the walls
-    axes.use_sticky_edges = False
-    axes.margins(_MARGIN)
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.08))
-    return laid_out(figure)
+    points = points_at(sensors, headings, ranges)
+    axes.plot(*points.T, ".", color=pictures.MEASURED, ms=6, label="scan, at the best pose")
+    poses = [pose for pose in located.poses[:_MOST_POSES] if pose.probability >= _LEAST_DRAWN] or [best]
+    places = names_by_position(located.room.places.values())
+    low, high = _around([_corners(located.room), points, np.array([pose.position for pose in poses])], _MARGIN)
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="x (m)", ylabel="y (m)")
+    longer = float((high - low).max())
+    taken: list[Artist] = []
+    for number, at in enumerate(places):
+        taken += axes.plot(*at, "+", color="black", alpha=0.6, ms=6, ls="none", label="" if number else "place")
+    for number, pose in enumerate(poses):
+        taken.append(draw_heading(axes, pose.position, pose.heading, _POSE_ARROW * longer, pictures.PREDICTED))
+        name = "" if number else "probable pose, step 0 along the arrow"
+        taken += mark_sensors(axes, pose.position, name, pictures.PREDICTED)
+    axes.set_title(f"{pictures.picture_text(located.room.name)}: where the scan was taken", wrap=True)
+    labels = [
+        *(_label(axes, text, at, pictures.PREDICTED) for at, text in _shares(poses, _ONE_MARK * longer).items()),
+        *(_label(axes, text, at, "black") for at, text in places.items()),
+    ]
+    for label in labels:
+        label.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
+    _sized(figure, axes, axes.get_legend_handles_labels()[0], _COLOUR_BAR)
+    set_apart(figure, labels, taken)
+    return figure
+
+
+def _shares(poses: Sequence[Pose], near: float) -> dict[Point, str]:
+    """Return the probabilities of poses as text by position; poses within `near` m of an earlier one share its text."""
+    shares: dict[Point, list[str]] = {}
+    for pose in poses:
+        at = next((point for point in shares if math.dist(point, pose.position) <= near), pose.position)
+        shares.setdefault(at, []).append(f"{pose.probability:.0%}" if pose.probability >= _LEAST_DRAWN else "<1%")
+    return {at: ", ".join(texts) for at, texts in shares.items()}
 
 
 def _shade(axes: Axes, figure: Figure, located: Located) -> None:
@@ -520,33 +573,7 @@ def _shade(axes: Axes, figure: Figure, located: Located) -> None:
         float(bottom + image.shape[0] * scores.spacing),
     )
     shown = axes.imshow(image, origin="lower", extent=extent, cmap="Greys", vmin=-_DEEPEST, vmax=0.0, alpha=0.7)
-    figure.colorbar(shown, ax=axes, shrink=0.7, label="natural logarithm of the probability, best position 0")
-
-
-def _draw_places(axes: Axes, located: Located) -> None:
-    """Draw the places of the room, each with its name behind the arrow of the pose found there."""
-    label = "place"
-    for position, names in names_by_position(located.room.places.values()).items():
-        near = [pose for pose in located.poses[:_MOST_POSES] if math.dist(pose.position, position) <= NEAR]
-        axes.plot(*position, "+", color="black", alpha=0.6, ms=6, label=label)
-        label = ""  # one entry in the legend
-        _write_beside(axes, names, position, near[0].heading + math.pi if near else math.pi, "black")
-
-
-def _write_beside(axes: Axes, text: str, position: tuple[float, float], towards: float, color: str) -> None:
-    right, up = math.cos(towards), math.sin(towards)
-    side = "center" if abs(right) < 0.5 else "left" if right > 0 else "right"
-    shift = (_BESIDE_POSE * right, _ABOVE_POSE * up)
-    halo = [withStroke(linewidth=2.5, foreground="white")]
-    axes.annotate(
-        text, position, shift, textcoords="offset points", color=color, ha=side, va="center", path_effects=halo
-    )
-
-
-def _draw_pose(axes: Axes, pose: Pose, length: float) -> None:
-    draw_heading(axes, pose.position, pose.heading, length, pictures.PREDICTED)
-    mark_sensors(axes, pose.position, label="", color=pictures.PREDICTED)
-    _write_beside(axes, f"{pose.probability:.0%}", pose.position, pose.heading - math.pi / 2, pictures.PREDICTED)
+    figure.colorbar(shown, ax=axes, shrink=0.9, label="log-probability (best: 0)")
 
 
 # Picture of a map as a matplotlib figure: all echoes beside those without several reflections.
@@ -812,6 +839,6 @@ def _away(wall: FloatArray, sensor: FloatArray) -> FloatArray:
 def _around(shown: Sequence[FloatArray], margin: float) -> tuple[FloatArray, FloatArray]:
     """Return the corners of a plan of points (k, 2) m, (2,) m each; `margin` is a share of their longer side."""
     points = np.vstack(shown)
-    low, high = points.min(axis=0), points.max(axis=0)
+    low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
     wider = margin * float((high - low).max())
     return low - wider, high + wider

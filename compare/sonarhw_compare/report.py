@@ -20,12 +20,12 @@ from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.room.room import Place, Room
 
-from sonarhw.errors import harmless, heading_text, in_degrees
+from sonarhw.errors import harmless, in_degrees
 from sonarhw.log import Log, LogMetadata
 from sonarhw.readings import FloatArray, Origin, Reading, Trace, points_at
 from sonarhw_compare import pictures
 from sonarhw_compare.corrections import agreement_doubts
-from sonarhw_compare.drawings import draw_map, draw_room
+from sonarhw_compare.drawings import draw_map, draw_room, draw_sensor
 from sonarhw_compare.explain import explain_reading, path_suffix, region_counts
 from sonarhw_compare.fit.starting import Fit
 from sonarhw_compare.map import Layer, RoomMap
@@ -220,18 +220,17 @@ def plan_svg(comparison: Comparison) -> bytes:
     figure, (axes,) = _figure((7.6, 6.4), 1)
     prediction = comparison.prediction
     draw_room(axes, prediction.room, prediction.place)
-
     predicted = points_at(prediction.standpoints, prediction.headings, prediction.ranges)
     axes.plot(*predicted.T, "o", mfc="none", mec=pictures.PREDICTED, ms=7, label="predicted")
     points = _points(comparison)
     _draw_classes(axes, comparison.rows, lambda row: None if _drawn_at(row) is None else tuple(points[row.index]))
+    _crop_to_room(axes, comparison, points[~np.isnan(points[:, 0])])
     if prediction.poses is None:
-        axes.plot(*prediction.place.position, "D", color="black", ms=7, label="sensor")
+        draw_sensor(axes, prediction)
     else:
         axes.plot(*prediction.poses[:, :2].T, "D-", color="black", ms=3, lw=1, label="sensor")
     axes.set(xlabel="x (m)", ylabel="y (m)")
     axes.set_aspect("equal")
-    _crop_to_room(axes, comparison, points[~np.isnan(points[:, 0])])
     axes.legend(loc="upper left", bbox_to_anchor=(1, 1), frameon=False, title=f"{comparison.origin} readings")
     return picture_bytes(figure, ".svg")
 
@@ -535,7 +534,7 @@ def _figures(summary: Summary) -> Facts:
         facts.append(("area under the ROC curve of predicted levels", f"{summary.no_echo_roc_area:.2f}"))
     if summary.median_abs_error_m is not None:
         facts.append(("median error", f"{summary.median_abs_error_m * 1000:.1f} mm"))
-    facts.append(("turntable step 0 at", heading_text(math.radians(summary.heading_deg))))
+    facts.append(("turntable step 0 at", f"{summary.heading_deg:z.1f}°"))
     if summary.offset_m:
         facts.append(("fitted range offset", f"{summary.offset_m * 1000:+z.1f} mm"))
     return facts
@@ -598,6 +597,9 @@ def _fit(report: Report) -> Facts:
     if report.fit is None:
         return ()
     facts = [("grid", report.fit.search), ("chosen", "the values with the most readings within 5 cm")]
+    if len(report.fit.alike) > 1:
+        spans = " and ".join(f"{begin:.1f}° to {end:.1f}°" for begin, end in report.fit.spans_deg)
+        facts.append(("headings with as many, within a standard error", f"{spans}; the likeliest is taken"))
     return [*facts, *(("warning", doubt) for doubt in report.fit.doubts)]
 
 

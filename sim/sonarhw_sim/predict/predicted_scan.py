@@ -345,6 +345,7 @@ def _last_legs(paths: Paths) -> FloatArray:
 # the predicted scan and its pings
 
 
+_SAME_PLACE = 1e-4  # m and rad, more than the rounding of a room file
 _FREQUENCIES = 25  # at which the reflections of a path are multiplied
 
 
@@ -407,9 +408,14 @@ class PredictedScan(Table):
 
     @property
     def where(self) -> str:
-        """The place in titles: `place bench`, or `6 poses`."""
+        """The place in titles: `place bench` of the room, `at 1.9, 0.35 m, step 0 at 95.5°` elsewhere, or `6 poses`."""
         if self.poses is None:
-            return f"place {self.place.name}"
+            named = self.room.places.get(self.place.name)
+            if named is not None and _same_pose(self.board.faced(named), self.place):
+                return f"place {self.place.name}"
+            x, y = self.place.position
+            heading = math.degrees(self.place.heading)
+            return f"at {round(x, 3) + 0.0:g}, {round(y, 3) + 0.0:g} m, step 0 at {heading:z.1f}°"
         return counted(1 + int((np.diff(self.poses, axis=0) != 0).any(axis=1).sum()), "pose")
 
     @property
@@ -521,6 +527,12 @@ class PredictedScan(Table):
         factors = reflectance_factors(self.room, self.paths, np.append(self.board.frequency, frequencies))
         audible = np.where(factors[:, :1] > 0, factors[:, :1], np.inf)
         return Response(frequencies - self.board.frequency, factors[:, 1:] / audible)
+
+
+def _same_pose(one: Place, other: Place) -> bool:
+    """Return whether two places differ by no more than rounding."""
+    turn = math.remainder(one.heading - other.heading, math.tau)
+    return math.dist(one.position, other.position) <= _SAME_PLACE and abs(turn) <= _SAME_PLACE
 
 
 @dataclass(frozen=True)

@@ -159,7 +159,7 @@ def test_names_from_files_are_escaped(report: Report, log: Path) -> None:
     page = report_html(of_readings(report, read_log(log).readings, "<b>.mcap", room=parse_room(text, "room")))
     assert "<script>" not in page
     assert "<b>" not in page
-    assert "&lt;script&gt;alert(1)&lt;/script&gt;, place" in page
+    assert "&lt;script&gt;alert(1)&lt;/script&gt;, at 0.754, 0.085 m, step 0 at " in page
 
 
 def test_the_command_reports_the_figures_of_compare_and_overwrites_only_with_force(

@@ -10,8 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.signal import hilbert
 from sonarhw_compare import report
-from sonarhw_compare.drawings import draw_found_room, draw_plan
+from sonarhw_compare.drawings import draw_comparison, draw_found_room, draw_located, draw_plan
 from sonarhw_compare.fit import PlacedScan
+from sonarhw_compare.fit.starting import Scores
+from sonarhw_compare.locate import Located, Pose
 from sonarhw_compare.match import Comparison, Kind, compare_readings
 from sonarhw_compare.pictures import envelope_of
 from sonarhw_compare.report import CLASSES, bscan_png, plan_svg, ranges_svg
@@ -162,6 +164,88 @@ def test_labels_and_legend_are_inside_the_picture(room_name: str, place: str, bo
         "bottom": picture[-1],
     }.items():
         assert (edge == 255).all(), name
+
+
+def legend_of(figure: Figure) -> list[str]:
+    """Return the texts of the legend of a figure."""
+    return [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+def test_the_title_states_the_pose_that_is_drawn() -> None:
+    here = replace(SIMPLE.place("0.5,0.4,30"), position=(0.48, 0.4), heading=math.radians(-95.04))  # as after a fit
+    moved = replace(FIGURE_9, heading=0.1)
+    titles = [
+        draw_comparison(compare_readings(readings_of([0.0], [0.3]), SIMPLE, place, PAPER)).axes[0].get_title()
+        for place in (here, FIGURE_9, moved)
+    ]
+    x, y = FIGURE_9.position
+    assert titles == [
+        "Simple room, at 0.48, 0.4 m, step 0 at -95.0°",
+        "Simple room, place figure9",
+        f"Simple room, at {x:g}, {y:g} m, step 0 at 5.7°",
+    ]
+
+
+def test_a_plan_shows_room_and_measured_points_and_counts_predicted_ones_outside() -> None:
+    room = polygon_room([(0.0, 0.0), (3.0, 0.0), (3.0, 2.0), (0.0, 2.0)])
+    place = Place("", (1.0, 0.7), math.radians(20))
+    angles = np.radians(np.arange(0.0, 360.0, 4.0))
+    readings = readings_of(angles[:3], np.array([2.0, 2.1, 2.4]))
+    readings += readings_of(angles[3:], np.full(len(angles) - 3, np.nan))
+    comparison = compare_readings(readings, room, place, load_board("polaroid-6500"))
+    figure = draw_comparison(comparison)
+    (axes,) = figure.axes
+    headings = comparison.prediction.headings
+    away = np.column_stack((np.cos(headings), np.sin(headings)))
+    predicted = place.position + comparison.prediction.ranges[:, None] * away
+    farthest = place.position[0] + 2.4 * math.cos(headings[2])
+    assert farthest > 3.0
+    assert (axes.get_xlim(), axes.get_ylim()) == (
+        pytest.approx((-0.05 * farthest, 1.05 * farthest)),
+        pytest.approx((-0.05 * farthest, 2.0 + 0.05 * farthest)),
+    )
+    low, high = np.transpose((axes.get_xlim(), axes.get_ylim()))
+    outside = int(((predicted < low) | (predicted > high)).any(axis=1).sum())
+    assert outside > 10
+    assert legend_of(figure)[:2] == [f"predicted ({outside} more outside)", "measured"]
+    # the arrow of step 0
+    (arrow,) = (one for one in axes.texts if one.arrow_patch is not None)  # type: ignore[attr-defined]
+    (x, y), (from_x, from_y) = arrow.xy, arrow.get_position()  # type: ignore[attr-defined]
+    assert math.atan2(y - from_y, x - from_x) == pytest.approx(place.heading)
+    assert legend_of(figure)[-1] == "sensor, step 0 along the arrow"
+
+
+@pytest.mark.parametrize("size", [(8.0, 1.5), (3.0, 3.0), (1.2, 5.0)])
+def test_nothing_covers_another_thing_in_the_picture_of_located_poses(size: tuple[float, float]) -> None:
+    width, depth = size
+    room = polygon_room([(0.0, 0.0), (width, 0.0), (width, depth), (0.0, depth)])
+    room = replace(room, places={"scanner": Place("scanner", (0.6, 0.7))})
+    poses = [((0.6, 0.71), 0.0, 0.41), ((0.6, 0.7), 0.1, 0.31), ((0.61, 0.7), -0.1, 0.15), ((0.9, 1.2), 3.0, 0.004)]
+    angles = np.radians(np.arange(0.0, 360.0, 10.0))
+    scores = Scores(np.array([[0.5, 0.5], [0.6, 0.5]]), np.zeros(1), np.zeros((2, 1)), 0.1)
+    found = Located(
+        room,
+        PAPER,
+        tuple(readings_of(angles, np.full(36, 0.5))),
+        tuple(Pose(position, heading, 0.0, share, (0.01, 0.01, 0.01)) for position, heading, share in poses),
+        scores,
+        1.0,
+        1.0,
+    )
+    figure = draw_located(found)
+    figure.canvas.draw()
+    axes = figure.axes[0]
+    texts = [one for one in axes.texts if one.get_text()]
+    assert sorted(one.get_text() for one in texts) == ["41%, 31%, 15%", "scanner"]  # no pose of 0 %
+    (legend,) = figure.legends
+    boxes = [one.get_window_extent() for one in texts]
+    boxes += [one.get_window_extent() for one in axes.lines if one.get_marker() == "o" and len(one.get_xdata()) == 1]
+    boxes += [legend.get_window_extent(), axes.xaxis.label.get_window_extent(), axes.title.get_window_extent()]
+    assert not [(k, j) for k, one in enumerate(boxes) for j in range(k) if j not in (2, 3) and one.overlaps(boxes[j])]
+    bar = figure.axes[1].yaxis.label.get_window_extent()
+    assert figure.bbox.y0 <= bar.y0 < bar.y1 <= figure.bbox.y1
+    # no empty band: the plan takes most of the height
+    assert axes.get_window_extent().height > 0.45 * figure.bbox.height
 
 
 KNOWN = polygon_room([(0.0, 0.0), (3.0, 0.0), (3.0, 2.0), (0.0, 2.0)])
