@@ -227,6 +227,11 @@ def estimate_degrees(heading: float, around: float = 0.0, decimals: int = 9) -> 
     return round(math.degrees(turned_near(heading, around)), decimals) + 0.0
 
 
+def pose_heading_text(heading: float, around: float = 0.0) -> str:
+    """Return the heading (rad) of a pose as text: `-95.0°`, within (-180°, 180°] of `around` (rad)."""
+    return f"{estimate_degrees(heading, around, 1):.1f}°"
+
+
 def estimate_text(value: float, deviation: float) -> str:
     """Return a value with the decimals of two significant digits of its standard deviation, never -0."""
     return f"{value:z.{_decimals(deviation)}f}"

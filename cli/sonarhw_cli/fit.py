@@ -200,6 +200,7 @@ KnownHeading = Annotated[
 HeadingDeviation = Annotated[
     float, typer.Option("--heading-sd", help="Standard deviation of --heading, degrees; 0 is exact.", min=0)
 ]
+_SMALL_OFFSET = 0.0025  # m, half a step of `compare --fit offset`
 
 
 def locate(
@@ -250,7 +251,11 @@ def locate(
     (x, y), heading = located.chosen.position, located.chosen.heading
     place = f"{x:.4f},{y:.4f},{math.degrees(heading):.3f}"
     named = {"--room": room_name, "--board": board, "--place": place}
-    of_compare = {"--receiver": receiver, "--height": None if height is None else f"{height:g}"}
+    of_compare = {
+        "--receiver": receiver,
+        "--height": None if height is None else f"{height:g}",
+        "--fit": "offset" if abs(located.poses[0].offset) > _SMALL_OFFSET else None,
+    }
     for command, of_command in (("compare", of_compare), ("gui", {})):  # in the window, both are settings
         given = {option: str(value) for option, value in {**named, **of_command}.items() if value is not None}
         written = " ".join(f"{option} {shlex.quote(value)}" for option, value in given.items())

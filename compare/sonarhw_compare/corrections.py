@@ -10,7 +10,7 @@ import numpy as np
 from sonarhw_sim.air import Model
 from sonarhw_sim.predict.prediction import PredictionOptions, paths_serve_all_headings, predict_scan, predict_with
 
-from sonarhw.errors import in_degrees
+from sonarhw.errors import estimate_degrees
 from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.starting import agreement_by_turn, all_round
 from sonarhw_compare.match import TOLERANCE, Comparison, Kind, few_explained
@@ -107,7 +107,7 @@ def correction_doubt(where: str, comparison: Comparison) -> str | None:
     words = [correction.name] if correction.name else []
     actions = [correction.correction] if correction.correction else []
     if heading is not None:
-        degrees = in_degrees(heading, 1)
+        degrees = estimate_degrees(heading, decimals=1)
         x, y = comparison.prediction.place.position
         words.append(f"with step 0 at {degrees:.1f}°")
         actions.insert(0, f"take the place {x:.6g},{y:.6g},{degrees:.1f}")

@@ -16,7 +16,7 @@ from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.room.room import Room
 
 from sonarhw import arguments
-from sonarhw.errors import InputError, counted, heading_text, in_degrees
+from sonarhw.errors import InputError, counted, heading_text, in_degrees, pose_heading_text
 from sonarhw.readings import FloatArray, Origin
 from sonarhw_compare.match import TOLERANCE, Comparison, Kind, Matched, Summary
 from sonarhw_compare.regions import Region
@@ -685,7 +685,7 @@ class ScanComparison(Comparison):
         yield from summary_lines(self.summary())
         if self.prediction.poses is not None:
             x, y, heading = self.prediction.poses[-1].tolist()
-            yield f"the last of {self.prediction.where}: {x:z.4f}, {y:z.4f} m, {heading_text(heading)}"
+            yield f"the last of {self.prediction.where}: {x:z.4f}, {y:z.4f} m, {pose_heading_text(heading)}"
         yield from _score_lines(self.score)
         yield from () if self.fit is None else self.fit.lines()
         yield from _echo_lines(self)
@@ -694,9 +694,11 @@ class ScanComparison(Comparison):
 
     def figures(self, notes: Mapping[int, str] | None = None, *, explained: bool = False) -> dict[str, Any]:
         """Return the comparison under the keys of `compare --json`; `explained` adds every reading with its echoes."""
-        fitted = None
+        fitted: dict[str, Any] | None = None
         if self.fit is not None:
-            fitted = {"free": list(self.fit.free), "search": self.fit.search, "at_edge": list(self.fit.at_edge)}
+            fit = self.fit
+            fitted = {"free": list(fit.free), "search": fit.search, "at_edge": list(fit.at_edge)}
+            fitted["headings_alike_deg"] = fit.spans_deg
         readings = details(self, notes) if explained else {}
         return asdict(self.summary()) | {"fit": fitted} | readings | asdict(self.score)
 
@@ -735,9 +737,8 @@ def summary_lines(summary: Summary) -> list[str]:
             f"detection of silence: {summary.no_echo_agreement:.1%} (balanced accuracy); "
             f"area under the ROC curve of predicted levels {summary.no_echo_roc_area:.2f}"
         )
-    heading = heading_text(math.radians(summary.heading_deg))
     lines.append(
-        f"sensor at {summary.x_m:z.4f}, {summary.y_m:z.4f} m, turntable step 0 at {heading}, "
+        f"sensor at {summary.x_m:z.4f}, {summary.y_m:z.4f} m, turntable step 0 at {summary.heading_deg:z.1f}°, "
         f"range offset {summary.offset_m * 1000:+z.0f} mm"
     )
     return lines

@@ -14,7 +14,7 @@ from sonarhw_sim.predict.predicted_scan import PredictedScan, nearest_paths
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_along, predict_with
 from sonarhw_sim.room.room import Place, Room
 
-from sonarhw.errors import in_degrees
+from sonarhw.errors import estimate_degrees
 from sonarhw.readings import FloatArray, Origin, Reading, Table
 
 # m, largest residual of a match; slightly over 5 cm, for boards that report whole centimetres
@@ -71,7 +71,7 @@ class Summary:
     no_echo_roc_area: float | None  # ROC area of predicted levels for silence; None likewise
     classes: dict[str, int]
     explained: float | None  # share of n_echo with any predicted echo within 5 cm
-    heading_deg: float  # of turntable step 0 in the room
+    heading_deg: float  # of turntable step 0 in the room, on the same turn as that of the given place
     offset_m: float
     x_m: float  # of the sensor in the room
     y_m: float
@@ -126,7 +126,7 @@ class Comparison(Table):
             no_echo_roc_area=roc_area(self.prediction.over_threshold[of_room], sounding),
             classes={kind.value: kinds[kind] for kind in Kind},
             explained=sum(row.path is not None for row in echoes) / len(echoes) if echoes else None,
-            heading_deg=in_degrees(self.heading),
+            heading_deg=estimate_degrees(self.heading, self.heading),
             offset_m=self.offset,
             x_m=self.prediction.place.position[0],
             y_m=self.prediction.place.position[1],

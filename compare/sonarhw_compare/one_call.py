@@ -906,9 +906,9 @@ def _fitted(
     if not (free := frozenset(_words(fit))):
         return None
     scan.check_stands()
-    from sonarhw_compare.fit.starting import fit_scan
+    from sonarhw_compare.fit.starting import likely_fit
 
-    return fit_scan(scan.readings, room, place, board, free, model=model, options=options, tick=progress)
+    return likely_fit(scan.readings, room, place, board, free, model=model, options=options, tick=progress)
 
 
 def _several(scans: ScanInput | Sequence[ScanInput]) -> list[ScanInput]:

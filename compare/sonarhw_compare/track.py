@@ -21,7 +21,7 @@ from sonarhw_sim.rays.paths import RAYS
 from sonarhw_sim.room.room import Place, Room, place_at, warn_of_poses
 
 from sonarhw import arguments
-from sonarhw.errors import InputError, counted, counted_are, heading_text, in_degrees
+from sonarhw.errors import InputError, counted, counted_are, in_degrees, pose_heading_text
 from sonarhw.readings import BoolArray, FloatArray, Reading, RobotPose, Table, moved_by, step_between
 from sonarhw_compare.fit.likelihood import ReadingNoise, ScanArrays
 from sonarhw_compare.fit.objective import Objective, Problem
@@ -440,7 +440,7 @@ class Track(Table):
         x, y, heading = self.poses[-1].tolist()
         dx, dy, turn = self.deviations[-1].tolist()
         yield (
-            f"at the end: x {x:z.3f} ± {dx:.3f} m, y {y:z.3f} ± {dy:.3f} m, heading {heading_text(heading)} ± "
+            f"at the end: x {x:z.3f} ± {dx:.3f} m, y {y:z.3f} ± {dy:.3f} m, heading {pose_heading_text(heading)} ± "
             f"{math.degrees(turn):.1f}°"
         )
         deviations = np.hypot(*self.deviations[self.located, :2].T)

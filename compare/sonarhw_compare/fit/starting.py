@@ -16,12 +16,13 @@ from sonarhw_sim.predict.prediction import PredictionOptions, predict_with, sear
 from sonarhw_sim.room.room import Place, Room
 from sonarhw_sim.space.sections import paths_from_each
 
-from sonarhw.errors import InputError
+from sonarhw.errors import InputError, estimate_degrees, turned_near
 from sonarhw.readings import FloatArray, Reading, angle_difference
 from sonarhw_compare.fit.likelihood import ScanArrays, with_reverses, with_summed_patches
-from sonarhw_compare.fit.objective import COARSE, Problem
-from sonarhw_compare.fit.parameters import Parameter
-from sonarhw_compare.fit.quantities import HEADING, PlaceQuantity, Quantity, X, Y
+from sonarhw_compare.fit.objective import COARSE, Problem, make_problem
+from sonarhw_compare.fit.parameters import Parameter, free_parameters
+from sonarhw_compare.fit.quantities import HEADING, THRESHOLD, PlaceQuantity, Quantity, X, Y
+from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_compare.fit.search import refined
 from sonarhw_compare.match import TOLERANCE
 from sonarhw_compare.regions import angles_and_ranges
@@ -357,6 +358,7 @@ OFFSETS = np.linspace(-0.06, 0.06, 25)  # m
 REACH = 0.03  # m, largest error of a measured position
 STEP = 0.01  # m, between positions
 PARAMETERS = ("heading", "offset", "position")
+_GAP = math.radians(3)  # between headings, largest in a run; counts differ with the steps of the turntable
 _CLOSER = 0.5  # of the mean error, below which a fit wins over one with a few more matching readings
 
 
@@ -368,6 +370,8 @@ class Fit:
     place: Place  # fitted; its heading is the actual one of turntable step 0
     free: tuple[str, ...] = ()  # names of the fitted quantities, in the order of PARAMETERS
     moved: float = 0.0  # m from the given position
+    # rad: if the heading was fitted, those of the grid with as many matching readings, within a standard error
+    alike: tuple[float, ...] = ()
 
     @property
     def heading(self) -> float:
@@ -394,12 +398,27 @@ class Fit:
         }
         return "; ".join(grids[name] for name in self.free)
 
-    def lines(self) -> list[str]:
-        """Return lines of text: how the grid was searched, and what `sonarhw fit` adds."""
-        return [
-            f"fitted on a grid for the most readings within 5 cm: {self.search}",
-            "`sonarhw fit` searches between these steps and farther, and adds credible intervals",
-        ]
+    @property
+    def spans(self) -> tuple[tuple[float, float], ...]:
+        """First and last heading, rad, of each run of headings with as many matching readings."""
+        if not self.alike:
+            return ()
+        headings = np.sort(self.heading + angle_difference(np.array(self.alike), self.heading))
+        runs = np.split(headings, np.flatnonzero(np.diff(headings) > _GAP) + 1)
+        return tuple((float(run[0]), float(run[-1])) for run in runs)
+
+    @property
+    def spans_deg(self) -> list[list[float]]:
+        """The same in degrees, near the fitted heading."""
+        return [[estimate_degrees(end, self.heading, 1) for end in span] for span in self.spans]
+
+    def lines(self) -> Iterator[str]:
+        """Yield lines of text: how the grid was searched, which headings explain as much, and what `fit` adds."""
+        yield f"fitted on a grid for the most readings within 5 cm: {self.search}"
+        if len(self.alike) > 1:
+            spans = " and ".join(f"{begin:.1f}° to {end:.1f}°" for begin, end in self.spans_deg)
+            yield f"as many, within a standard error, with step 0 at {spans}; the likeliest of these is taken"
+        yield "`sonarhw fit` searches between these steps and farther, and adds credible intervals"
 
     @property
     def doubts(self) -> tuple[str, ...]:
@@ -450,7 +469,68 @@ def fit_scan(
         best = searched(place, 0.0, 1.0)
     tick(1.0)
     moved = math.dist(best.place.position, place.position)
+    best = replace(best, place=replace(best.place, heading=turned_near(best.heading, place.heading)))
     return replace(best, free=tuple(name for name in PARAMETERS if name in free), moved=moved)
+
+
+def likely_fit(
+    readings: Sequence[Reading],
+    room: Room,
+    place: Place,
+    board: Board,
+    free: frozenset[str],
+    *,
+    model: Model = Model.RAY_FOLLOWING,
+    options: PredictionOptions | None = None,
+    tick: Callable[[float], None] = lambda _share: None,
+) -> Fit:
+    """Return the result of `fit_scan` with the most likely of the headings at which as many readings match.
+
+    A wide beam receives the echo of a wall over many degrees, so as many readings match over several degrees. A
+    baseline model has no likelihood; it takes the middle of these headings. Offset and position, if they are free, are
+    searched again with the heading.
+    """
+    fit = fit_scan(readings, room, place, board, free, model=model, options=options, tick=tick)
+    if len(fit.alike) < 2:
+        return fit
+    of_room, others, best = without_own_body(board.own_body, readings), free - {"heading"}, fit
+    for _ in range(2 if others else 1):  # the first heading leads to a better position
+        if model is Model.RAY_FOLLOWING:
+            heading = _likely_heading(best, of_room, room, board, options or PredictionOptions())
+        else:
+            heading = next(sum(span) / 2 for span in fit.spans if span[0] <= fit.heading <= span[1])
+        heading = turned_near(heading, board.faced(place).heading)
+        best = replace(best, place=replace(best.place, heading=heading))
+        if others:
+            there = replace(place, heading=heading - board.heading_at(0.0, 0.0))
+            best = fit_scan(readings, room, there, board, others, model=model, options=options)
+        best = replace(best, free=fit.free, alike=fit.alike)
+    return best
+
+
+def _likely_heading(
+    fit: Fit, readings: Sequence[Reading], room: Room, board: Board, options: PredictionOptions
+) -> float:
+    """Return the most likely of the headings at which as many readings match, rad.
+
+    The likelihood is that of `sonarhw fit`, which judges silent readings, later echoes and the sizes of errors. The
+    detection threshold is free, since that of a profile is rarely exact.
+    """
+    home, headings = board.heading_at(0.0, 0.0), np.array(fit.alike)
+    place = replace(fit.place, heading=fit.heading - home)
+    # a place of the likelihood is one of a room file, and the offset is part of the board
+    shifted = replace(board, range_offset=board.range_offset - fit.offset)
+    free = free_parameters((HEADING.name, THRESHOLD.name), ("",), room, shifted)
+    problem = make_problem([PlacedScan(readings, place)], room, shifted, free, options, all_echoes=True)
+
+    def best_of(values: FloatArray) -> FloatArray:
+        """Return the values with the best of the headings."""
+        tried = np.tile(values, (len(headings), 1))
+        tried[:, 0] = headings - home
+        return np.asarray(tried[int(problem.near(values).many(tried).round(_EQUAL).argmax())])
+
+    coarse = best_of(problem.with_noise(problem.start(), COARSE))
+    return float(best_of(refined(problem, coarse))[0]) + home
 
 
 def all_round() -> FloatArray:
@@ -487,9 +567,15 @@ def best_agreement(
         means.append(errors)
     if not places:
         raise ValueError("no places to choose from")
-    chosen, turn, offset = _chosen(np.array(counts), np.array(means), offsets, int(np.isfinite(measured).sum()))
+    echoes, all_counts = int(np.isfinite(measured).sum()), np.array(counts)
+    chosen, turn, offset = _chosen(all_counts, np.array(means), offsets, echoes)
+    alike = np.empty(0, dtype=np.intp)
+    if "heading" in free:
+        most = float(all_counts.max())
+        alike = np.flatnonzero(all_counts[chosen, :, offset] >= most - _standard_error(most, echoes))
     heading = starts[chosen] + turn * math.tau / PLAIN_HEADINGS
-    return Fit(float(offsets[offset]), replace(places[chosen], heading=heading))
+    headings = (alike * (math.tau / PLAIN_HEADINGS)).tolist()
+    return Fit(float(offsets[offset]), replace(places[chosen], heading=heading), alike=tuple(headings))
 
 
 def agreement_by_turn(table: FloatArray, headings: FloatArray, measured: FloatArray, tolerance: float) -> FloatArray:
@@ -519,13 +605,18 @@ def _chosen(counts: FloatArray, means: FloatArray, offsets: FloatArray, echoes: 
     rows = np.flatnonzero(counts_of == most)
     best = least(means_of[rows], rows)
     mean = float(means_of[best])
-    alike = max(1.0, math.sqrt(most * (1 - most / echoes)))
-    closer = np.flatnonzero((counts_of >= most - alike) & (means_of < mean * _CLOSER))
+    alike = most - _standard_error(most, echoes)
+    closer = np.flatnonzero((counts_of >= alike) & (means_of < mean * _CLOSER))
     if len(closer):
         # each reading that does not match has an error of 5 cm or more
         best = least(counts_of[closer] * means_of[closer] + (echoes - counts_of[closer]) * TOLERANCE, closer)
     place, turn, offset = np.unravel_index(best, counts.shape)
     return int(place), int(turn), int(offset)
+
+
+def _standard_error(matching: float, echoes: int) -> float:
+    """Return the standard error of a number of matching readings, 1 or more."""
+    return max(1.0, math.sqrt(matching * (1 - matching / echoes)))
 
 
 def _check(readings: Sequence[Reading], free: frozenset[str]) -> None:

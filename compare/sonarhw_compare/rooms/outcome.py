@@ -13,7 +13,7 @@ from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.room import Place, Room, parse_room
 from tomlkit.items import AoT, Table
 
-from sonarhw.errors import counted, harmless, in_degrees
+from sonarhw.errors import counted, estimate_degrees, harmless, in_degrees, pose_heading_text
 from sonarhw.readings import FloatArray
 from sonarhw_compare.free_space import find_free_space
 from sonarhw_compare.locate import Pose, learned
@@ -99,7 +99,7 @@ def found_room_figures(result: FoundRoom) -> dict[str, Any]:
 def pose_text(pose: Pose) -> str:
     """Return one possible pose of a located scan with its probability."""
     x, y = pose.position
-    return f"{pose.probability:.1%} at {x:.3f}, {y:.3f} m, turntable step 0 at {in_degrees(pose.heading, 1):.1f}°"
+    return f"{pose.probability:.1%} at {x:.3f}, {y:.3f} m, turntable step 0 at {pose_heading_text(pose.heading)}"
 
 
 def assumptions(result: FoundRoom, board: Board) -> list[str]:
@@ -455,7 +455,8 @@ def _next_figures(place: NextPlace) -> dict[str, object]:
 
 def _pose_figures(pose: Pose) -> dict[str, float]:
     x, y = rounded_point(pose.position)
-    return {"x_m": x, "y_m": y, "heading_deg": in_degrees(pose.heading, 3), "probability": round(pose.probability, 6)}
+    heading = estimate_degrees(pose.heading, decimals=3)
+    return {"x_m": x, "y_m": y, "heading_deg": heading, "probability": round(pose.probability, 6)}
 
 
 @dataclass(frozen=True)

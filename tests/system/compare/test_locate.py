@@ -135,6 +135,23 @@ def test_the_command_writes_poses_as_json_and_a_picture_and_names_the_command_th
     assert "--force" in capsys.readouterr().err
 
 
+def test_the_named_command_fits_a_range_offset_and_states_the_same_heading(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    board, log = tmp_path / "late.toml", tmp_path / "scan.mcap"
+    board.write_text("range_offset = 0.02\n" + load_board("lego-nxt").text)
+    scan = ["simulate", "arena", "--place", "1.2,0.6,265", "--board", str(board), "--step", "6"]
+    assert run([*scan, "--out", str(log)]) == 0
+    capsys.readouterr()
+    assert run(["locate", str(log), "--board", "lego-nxt"]) == 0
+    printed = capsys.readouterr()
+    assert re.search(r"turntable step 0 at -9\d\.", printed.out)
+    (command,) = re.findall(r"^next: sonarhw (compare .*)$", printed.err, re.M)
+    assert command.endswith(" --fit offset")
+    assert run(shlex.split(command)) == 0
+    assert re.search(r"turntable step 0 at -9\d\.\d°, range offset -20 mm", capsys.readouterr().out)
+
+
 def test_a_scan_of_another_room_gives_a_warning(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log = tmp_path / "scan.mcap"
     scan = ["simulate", "rooms/arena.toml", "--place", "p3", "--board", "lego-nxt", "--step", "12", "--out", str(log)]

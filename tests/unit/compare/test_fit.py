@@ -27,9 +27,9 @@ from sonarhw_compare.fit.quantities import (
     words_of,
 )
 from sonarhw_compare.fit.search import averaged
-from sonarhw_compare.fit.starting import fit_scan
+from sonarhw_compare.fit.starting import fit_scan, likely_fit
 from sonarhw_compare.scans import GivenScan
-from sonarhw_sim.air import Air
+from sonarhw_sim.air import Air, Model
 from sonarhw_sim.board.profile import Mount, load_board
 from sonarhw_sim.room.room import Place, load_room, parse_room
 
@@ -248,6 +248,52 @@ def test_the_plain_fit_finds_heading_offset_and_a_position_nearby() -> None:
     assert (only.offset, only.place.position) == (0.0, FIGURE_9.position)
     with pytest.raises(InputError, match="wind"):
         fit_scan(readings, SIMPLE, FIGURE_9, PAPER, frozenset({"wind"}))
+
+
+def heard_by_a_wide_beam(
+    size: tuple[float, float], position: tuple[float, float], degrees: FloatArray, heading: float
+) -> FloatArray:
+    """Return ranges (m, whole centimetres, NaN beyond 4 m) of a sensor in a rectangle, as no part of the model does.
+
+    It hears a wall up to 25° beside its normal and a corner up to 20° beside it, the nearest first.
+    """
+    (x, y), (width, depth) = position, size
+    corners = [(a, b) for a in (0.0, width) for b in (0.0, depth)]
+    echoes = [(width - x, 0.0, 25.0), (depth - y, 90.0, 25.0), (x, 180.0, 25.0), (y, 270.0, 25.0)]
+    echoes += [(math.hypot(a - x, b - y), math.degrees(math.atan2(b - y, a - x)), 20.0) for a, b in corners]
+    ranges = []
+    for angle in degrees + heading:
+        near = [one for one, bearing, aside in echoes if abs(math.remainder(angle - bearing, 360)) <= aside]
+        ranges.append(round(min(near), 2) if near and min(near) <= 4.0 else math.nan)
+    return np.array(ranges)
+
+
+# as many echoes are explained over 10 to 20 degrees; the most of them near an end
+@pytest.mark.parametrize(
+    ("size", "position", "degrees", "heading"),
+    [
+        ((3.2, 2.4), (1.6, 0.3), np.arange(15.0, 166.0), 7.0),
+        ((3.0, 2.5), (2.7, 1.2), np.arange(10.0, 171.0, 2.0), 96.0),
+        ((5.0, 3.5), (2.0, 3.2), np.arange(0.0, 181.0, 2.0), 172.0),
+        ((4.0, 3.0), (0.4, 1.5), np.arange(0.0, 181.0, 2.0), -95.0),
+    ],
+)
+def test_of_headings_that_explain_as_many_echoes_the_likely_one_is_chosen(
+    size: tuple[float, float], position: tuple[float, float], degrees: FloatArray, heading: float
+) -> None:
+    width, depth = size
+    room = polygon_room([(0.0, 0.0), (width, 0.0), (width, depth), (0.0, depth)])
+    readings = readings_of(np.radians(degrees), heard_by_a_wide_beam(size, position, degrees, heading))
+    board, here = load_board("hc-sr04"), Place("", position)
+    for free in ({"heading"}, {"heading", "offset", "position"}):
+        fit = likely_fit(readings, room, here, board, frozenset(free))
+        assert math.degrees(math.remainder(fit.heading - math.radians(heading), math.tau)) == pytest.approx(0, abs=1.25)
+        ((begin, end),) = fit.spans_deg
+        assert begin - 1 <= heading <= end + 1
+        assert f"with step 0 at {begin:.1f}° to {end:.1f}°" in "".join(fit.lines())
+    # a model without a likelihood takes the middle
+    cone = likely_fit(readings, room, here, board, frozenset({"heading"}), model=Model.CONE)
+    assert min(abs(cone.heading - (begin + end) / 2) for begin, end in cone.spans) < 1e-9
 
 
 @pytest.mark.parametrize(
