@@ -141,6 +141,7 @@ class LineGuess:
             "angle": layout.angle,
             "ends": layout.ends,
             "step": "" if layout.step is None else f"{layout.step:g}",
+            "no_echo": ",".join(f"{number:g}" for number in layout.no_echo or ()),
             "turn": "cw" if turns else "",
         }
         for answer in answers:

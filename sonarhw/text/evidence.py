@@ -28,6 +28,8 @@ _LEAST_ROOM, _MOST_ROOM, _LEAST_MIDDLE = 0.5, 4.05, 0.08
 _SMALLEST, LARGEST = 0.1, 11.0  # m, longest range of any scene and board
 _FINEST, _COARSEST = 5e-5, 0.06  # m, plausible resolution of a printed range
 _COMMON = ("cm", "mm", "m", "in", "ft", "yd", "us")  # units that sketches print without a name, the most common first
+LASER_CODES = (8190.0, 8191.0)  # mm, of laser rangers in place of no echo
+_CODES = (*LASER_CODES, 65535.0)  # also of modules with 16 bits
 _METRIC = ("cm", "mm", "m", "us")
 
 
@@ -77,6 +79,8 @@ def range_unit(numbers: Sequence[float], named: NameMeaning, stated: Layout, wor
         name = UNIT_NAMES[unit]
         among = f"{metric!r} is of sketches with metric units, and of these " if metric else ""
         why = f"{name} assumed, because {among}only in {name} the numbers {spread} fit a room and the usual board"
+        if silent_number(numbers) in LASER_CODES:
+            why = f"{name} assumed, because laser rangers that print {name} print {max(echoes):g} for no echo"
         return Decision(unit, True, f"unit of the range not stated: {why}; unit= changes it")
     names = " and ".join(UNIT_NAMES[unit] for unit in candidates) or "no unit"
     answers = tuple({"unit": unit} for unit in candidates or RANGE_UNITS)
@@ -88,13 +92,12 @@ def plausible_units(numbers: Sequence[float], among: Sequence[str] = _COMMON) ->
 
     A unit in which they fit only a larger or smaller scene counts if it is more common than all that fit.
     """
-    echoes = sorted(number for number in numbers if number > 0)
+    silent = silent_number(numbers)
+    echoes = sorted(number for number in numbers if number > 0 and number != silent)
     if not echoes:
         return ()
-    counts = Counter(echoes)
-    most, count = echoes[-1], counts[echoes[-1]]
-    if count >= 3 and count >= 0.08 * len(echoes) and len(counts) > 2:  # may stand for no echo
-        echoes = [number for number in echoes if number != most]
+    if silent in LASER_CODES and "mm" in among and _SMALLEST <= echoes[-1] * RANGE_UNITS["mm"] <= LARGEST:
+        return ("mm",)
     quantum, longest, middle = _quantum(echoes), echoes[-1], median(echoes)
     scales = {unit: RANGE_UNITS[unit] for unit in among}
     possible = [
@@ -111,7 +114,21 @@ def plausible_units(numbers: Sequence[float], among: Sequence[str] = _COMMON) ->
         if fits or not fitting:
             chosen.append(unit)
         fitting = fitting or fits
+    if silent is not None and chosen and silent * scales[chosen[0]] > LARGEST:
+        # the longest range of a sensor in a finer unit
+        finer = [unit for unit in possible if unit not in chosen]
+        chosen += [unit for unit in finer if silent in _CODES or 1.0 <= silent * scales[unit] <= _MOST_ROOM]
     return tuple(chosen)
+
+
+def silent_number(numbers: Sequence[float]) -> float | None:
+    """Return the largest number if it is repeated so often that it may stand for no echo; None otherwise."""
+    counts = Counter(number for number in numbers if number > 0)
+    if len(counts) <= 2:
+        return None
+    most = max(counts)
+    least = 2 if most in _CODES else max(3, 0.08 * counts.total())
+    return most if counts[most] >= least else None
 
 
 def _quantum(numbers: Sequence[float]) -> float:

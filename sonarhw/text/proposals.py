@@ -14,6 +14,7 @@ from sonarhw.text.evidence import (
     DEGREES_ASSUMED,
     FEWEST,
     LARGEST,
+    LASER_CODES,
     REGULAR,
     Decision,
     Label,
@@ -24,6 +25,7 @@ from sonarhw.text.evidence import (
     column_roles,
     radar_roles,
     range_unit,
+    silent_number,
     sweeps,
 )
 from sonarhw.text.layouts import ANGLE_DISTANCE, PRESETS, Layout
@@ -307,11 +309,26 @@ def _checked(proposal: LayoutProposal, data: bytes, begins_whole: bool) -> Layou
     if len(readings) < least or len(readings) < others * _SHARE:
         return replace(proposal, layout=None)
     proposal = replace(proposal, readings=tuple(readings))
+    if (silent := _silent_in(proposal)) is not None:
+        said = f"{silent:g} taken for no echo, because no board measures so far; no_echo= changes it"
+        read = replace(layout, no_echo=(silent,))
+        return _checked(replace(proposal, layout=read, evidence=(*proposal.evidence, said)), data, begins_whole)
     if DEGREES_ASSUMED in proposal.evidence:
         named = not any(fact.endswith(BY_SWEEP) for fact in proposal.evidence)
         question = angle_question([reading.heading or 0.0 for reading in readings], begins_whole, named)
         proposal = replace(proposal, questions=tuple(filter(None, (*proposal.questions, question))))
     return proposal
+
+
+def _silent_in(proposal: LayoutProposal) -> float | None:
+    """Return the number of no echo in text whose unit is decided, which no board can measure; None without one."""
+    layout, scales = proposal.layout, {reading.scale for reading in proposal.readings if reading.numbers}
+    if layout is None or layout.no_echo is not None or layout.frame or len(scales) != 1:
+        return None
+    silent = silent_number([number for reading in proposal.readings for number in reading.numbers])
+    (scale,) = scales
+    is_code = silent in LASER_CODES or (silent is not None and scale is not None and silent * scale > LARGEST)
+    return silent if is_code else None
 
 
 # one kind of line after the other

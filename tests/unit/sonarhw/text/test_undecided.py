@@ -202,3 +202,31 @@ def test_a_word_of_a_metric_language_leaves_out_inches_and_is_named() -> None:
     assert spanish.decided
     assert "'angulo' is of sketches with metric units" in " ".join(spanish.evidence)
     assert [question.answers for question in english.questions] == [({"unit": "cm"}, {"unit": "in"})]
+
+
+@pytest.mark.parametrize(
+    ("silent", "unit", "is_read_as_silence"),
+    [
+        (8190, "mm", True),  # of laser rangers
+        (8191, "mm", True),
+        (9999, "cm", True),  # no board measures 100 m
+        (400, "cm", False),  # a wall, or the sign of no echo: the check of the scan says so
+        (999, "cm", False),
+        (65535, None, False),
+        (2000, None, False),  # the range of a laser ranger in millimetres
+    ],
+)
+def test_the_number_for_no_echo_shows_the_unit_or_leaves_it_open(
+    silent: int, unit: str | None, is_read_as_silence: bool
+) -> None:
+    lines = [f"{a} deg {silent if k % 9 == 0 else 60 + (k * 37) % 331}" for k, a in enumerate(ANGLES)]
+    proposal = propose("\n".join([*lines, ""]).encode(), begins_whole=True)
+    if unit is None:
+        (question,) = proposal.questions
+        assert {"unit": "cm"} in question.answers
+        assert {"unit": "mm"} in question.answers
+        return
+    assert proposal.layout is not None
+    assert (proposal.layout.unit, proposal.questions) == (unit, ())
+    silences = [not reading.numbers for reading in proposal.readings]
+    assert silences == [is_read_as_silence and k % 9 == 0 for k in range(len(lines))]
