@@ -254,7 +254,7 @@ def locate(
     of_compare = {
         "--receiver": receiver,
         "--height": None if height is None else f"{height:g}",
-        "--fit": "offset" if abs(located.poses[0].offset) > _SMALL_OFFSET else None,
+        "--fit": "offset" if abs(located.chosen.offset) > _SMALL_OFFSET else None,
     }
     for command, of_command in (("compare", of_compare), ("gui", {})):  # in the window, both are settings
         given = {option: str(value) for option, value in {**named, **of_command}.items() if value is not None}
