@@ -24,7 +24,7 @@ from sonarhw_sim.room.room import load_room
 import sonarhw_cli, sonarhw_compare, sonarhw_gui, sonarhw_rooms, sonarhw_sim
 
 room = load_room("room.toml")
-assert len(predict_scan(room, room.place("figure9"), load_board("paper"), np.array([0.0, 1.0])).ranges) == 2
+assert len(predict_scan(room, room.place("figure6"), load_board("paper"), np.array([0.0, 1.0])).ranges) == 2
 for package in (sys.modules[name] for name in [*sys.modules] if name.startswith("sonarhw") and "." not in name):
     for module in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
         if module.name.endswith("__main__"):
@@ -51,16 +51,16 @@ for arguments in (*helps(get_command(app)), *json.loads(sys.argv[1])):
 COMMANDS = (
     "--version",
     "ports",
-    "simulate room.toml --place figure9 --step 90 --out simulated.csv",
-    "paths room.toml --place figure9 --out paths.csv",
+    "simulate room.toml --place figure6 --step 90 --out simulated.csv",
+    "paths room.toml --place figure6 --out paths.csv",
     "import simulated.csv --out imported.mcap --heading heading_deg --range range_m",
     "log info scanned.mcap",
     "log export scanned.mcap --out scan.csv",
     "log recover scanned.mcap --out again.mcap",
-    "compare scanned.mcap --room room.toml --place figure9 --json --plot overlay.png",
-    "compare imported.mcap --room room.toml --place figure9",
-    "fit imported.mcap --room room.toml --place figure9 --free heading --samples 0 --json",
-    "report scanned.mcap --room room.toml --place figure9 --out report.html",
+    "compare scanned.mcap --room room.toml --place figure6 --json --plot overlay.png",
+    "compare imported.mcap --room room.toml --place figure6",
+    "fit imported.mcap --room room.toml --place figure6 --free heading --samples 0 --json",
+    "report scanned.mcap --room room.toml --place figure6 --out report.html",
 )
 
 
@@ -70,7 +70,7 @@ def fill(folder: Path) -> None:
         path = folder / name
         path.parent.mkdir(exist_ok=True)
         path.write_text(RAISE)
-    (folder / "room.toml").write_text((CHECKOUT / "rooms" / "simple.toml").read_text(encoding="utf-8"))
+    (folder / "room.toml").write_text((CHECKOUT / "rooms" / "kuc_siegel.toml").read_text(encoding="utf-8"))
 
 
 def use_api(python: Sequence[str], folder: Path) -> None:
@@ -81,7 +81,7 @@ def use_api(python: Sequence[str], folder: Path) -> None:
 
 def assert_commands_run(python: Sequence[str], sonarhw: Sequence[str], folder: Path, search: str = "") -> None:
     """Assert that the commands run in `folder`, which is also the first place where Python searches modules."""
-    fake = [*sonarhw, "fake", "room.toml", "--place", "figure9", "--tcp", "127.0.0.1:0", "--pace", "max"]
+    fake = [*sonarhw, "fake", "room.toml", "--place", "figure6", "--tcp", "127.0.0.1:0", "--pace", "max"]
     with subprocess.Popen(
         fake, cwd=folder, env=_environment(folder, search), stdout=subprocess.PIPE, text=True
     ) as scanner:

@@ -15,7 +15,7 @@ from packaging.utils import canonicalize_name
 
 from tests.checkout import CHECKOUT
 
-ROOM = CHECKOUT / "rooms" / "simple.toml"
+ROOM = CHECKOUT / "rooms" / "kuc_siegel.toml"
 # Each import of a package that a base installation lacks fails as if the package were not installed.
 WITHOUT = "import sys; sys.modules |= dict.fromkeys({packages!r}); "
 MAIN = "from sonarhw_cli.entry import main; main()"
@@ -75,11 +75,11 @@ def sonarhw(program: str, tmp_path: Path) -> Sonarhw:
 
 
 def test_commands_need_no_extra_and_the_demo_runs_without_the_window(program: str, tmp_path: Path) -> None:
-    in_room = ("--room", str(ROOM), "--place", "figure9")
+    in_room = ("--room", str(ROOM), "--place", "figure6")
     commands = [
         ["demo"],
-        ["scan", f"fake:{ROOM}?place=figure9&seed=1&pace=max", "--out", "scan.mcap", "--step", "15", "--traces"],
-        ["simulate", str(ROOM), "--place", "figure9", "--step", "30", "--out", "predicted.png"],
+        ["scan", f"fake:{ROOM}?place=figure6&seed=1&pace=max", "--out", "scan.mcap", "--step", "15", "--traces"],
+        ["simulate", str(ROOM), "--place", "figure6", "--step", "30", "--out", "predicted.png"],
         ["report", "scan.mcap", "--out", "scan.html", *in_room],
         ["fit", "scan.mcap", "--free", "heading", "--samples", "0", *in_room],
         ["compare", "scan.mcap", "--json", "--plot", "overlay.png", *in_room],

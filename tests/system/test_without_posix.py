@@ -88,13 +88,13 @@ def served(*arguments):
     atexit.register(server.terminate)
     return server.stdout.readline().strip()
 
-command("simulate", "simple", "--place", "figure9", "--out", f"{folder}/predicted 1.csv")
-url = served("fake", "simple", "--place", "figure9", "--tcp", "127.0.0.1:0", "--pace", "max")
-command("scan", url, "--out", f"{folder}/scan 1.mcap", "--room", "simple", "--place", "figure9")
-command("scan", url, "--out", f"{folder}/scan 1.mcap", "--room", "simple", "--place", "figure9", "--force")
+command("simulate", "kuc_siegel", "--place", "figure6", "--out", f"{folder}/predicted 1.csv")
+url = served("fake", "kuc_siegel", "--place", "figure6", "--tcp", "127.0.0.1:0", "--pace", "max")
+command("scan", url, "--out", f"{folder}/scan 1.mcap", "--room", "kuc_siegel", "--place", "figure6")
+command("scan", url, "--out", f"{folder}/scan 1.mcap", "--room", "kuc_siegel", "--place", "figure6", "--force")
 replayed = served("replay", f"{folder}/scan 1.mcap", "--tcp", "127.0.0.1:0", "--speed", "inf")
 command("scan", replayed, "--out", "C:\\\\scan 2.mcap")
-command("compare", "C:\\\\scan 2.mcap", "--room", "simple", "--place", "figure9")
+command("compare", "C:\\\\scan 2.mcap", "--room", "kuc_siegel", "--place", "figure6")
 logs = (folder / "scan 1.mcap", "C:\\\\scan 2.mcap")
 times = [[reading.echo_times for reading in read_log(path).readings] for path in logs]
 assert times[0] == times[1] and len(times[0]) == 72
@@ -106,9 +106,9 @@ def close_at_the_end(window):
     timer.timeout.connect(lambda: session.status.job.recording and not session.live.running and window.close())
     timer.start()
 
-room = load_room("simple")
+room = load_room("kuc_siegel")
 room = replace(room, name='a<b>:"c/d|e?*')
-scene = scene_with(load_board("paper"), room, room.places["figure9"], "simple.toml")
+scene = scene_with(load_board("paper"), room, room.places["figure6"], "kuc_siegel.toml")
 start = WindowStart(scene, lambda: Scanner.open(url), order=ScanOrder(0.0, 0.5, 12), autostart=True,
     recordings=folder / "recordings", when_open=close_at_the_end)
 assert run_window(start) == 0
@@ -124,7 +124,7 @@ draws = 1
 boards = ["paper"]
 [[rooms]]
 file = "{}"
-places = ["figure9"]
+places = ["figure6"]
 [headings]
 step = 30.0
 [vary.board]
@@ -134,7 +134,7 @@ threshold_db = [-40, -36.5]
 
 def test_all_but_serial_ports_works_without_what_windows_lacks(tmp_path: Path) -> None:
     (tmp_path / "sitecustomize.py").write_text(HIDING, encoding="utf-8")
-    (tmp_path / "study.toml").write_text(STUDY.format(CHECKOUT / "rooms" / "simple.toml"), encoding="utf-8")
+    (tmp_path / "study.toml").write_text(STUDY.format(CHECKOUT / "rooms" / "kuc_siegel.toml"), encoding="utf-8")
     path = os.pathsep.join([str(tmp_path), str(CHECKOUT), os.environ.get("PYTHONPATH", "")])
     environment = {**os.environ, "PYTHONPATH": path, "XDG_DATA_HOME": str(tmp_path), "QT_QPA_PLATFORM": "offscreen"}
     command = [sys.executable, "-X", "warn_default_encoding", "-c", PROGRAM]

@@ -6,13 +6,15 @@ from pathlib import Path
 
 from sonarhw.device.faults import KNOWN
 from sonarhw.log import read_log
-from tests.fixtures.commands import SIMPLE_ROOM, end, lines, printed, printed_json, sonarhw, started
+from tests.fixtures.commands import end, lines, printed, printed_json, sonarhw, started
 from tests.reference_pages import keys_in_reference
+
+ROOM = ("kuc_siegel", "--place", "figure6")  # it has few paths, so the fake is ready at once
 
 
 def test_a_fake_on_a_pseudo_terminal_is_scanned_and_removes_its_link(tmp_path: Path) -> None:
     link, log = tmp_path / "scanner", tmp_path / "scan.mcap"
-    with started("fake", SIMPLE_ROOM, "--place", "figure9", "--pty", link, "--pace", "max") as fake:
+    with started("fake", *ROOM, "--pty", link, "--pace", "max") as fake:
         assert lines(fake, 1) == [f"{link}\n"]
         done = sonarhw("scan", link, "--out", log, "--step", "30")
         assert (done.returncode, len(done.stderr.splitlines())) == (0, 1)
@@ -32,7 +34,7 @@ def test_the_help_of_the_fake_names_every_fault() -> None:
 def test_a_fake_prints_its_new_url_after_a_move(tmp_path: Path) -> None:
     link = tmp_path / "scanner"
     faults = ("--faults", "move=1@20,move=1@30", "--pace", "100")
-    with started("fake", SIMPLE_ROOM, "--place", "figure9", "--pty", link, *faults) as fake:
+    with started("fake", *ROOM, "--pty", link, *faults) as fake:
         assert lines(fake, 3) == [f"{link}\n", f"{link}-1\n", f"{link}-2\n"]
         assert sonarhw("info", f"{link}-2").returncode == 0
 
@@ -40,7 +42,7 @@ def test_a_fake_prints_its_new_url_after_a_move(tmp_path: Path) -> None:
 def test_a_scan_of_a_fake_with_faults_is_complete_and_reports_the_losses(tmp_path: Path) -> None:
     log = tmp_path / "scan.mcap"
     faults = "drop=1/3000,reset=0.1@r3,move=0.5@r8"
-    url = f"fake:{SIMPLE_ROOM}?place=figure9&pace=2&faults={faults}"
+    url = f"fake:kuc_siegel?place=figure6&pace=2&faults={faults}"
     done = sonarhw("scan", url, "--out", log, "--step", "30")
     assert done.returncode == 0
     assert re.search(r"the connection was lost \d+ times? and restored", done.stderr)
