@@ -83,9 +83,9 @@ def test_noise_has_a_seed_of_its_own_for_each_case_and_of_the_study(tmp_path: Pa
 
 
 def test_a_scan_of_a_study_equals_simulate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    text = f'name = "one"\nboards = ["paper"]\n[[rooms]]\nfile = "{ROOMS}/simple.toml"\nplaces = ["figure9"]\n'
+    text = f'name = "one"\nboards = ["paper"]\n[[rooms]]\nfile = "{ROOMS}/kuc_siegel.toml"\nplaces = ["figure6"]\n'
     assert run(["study", str(spec_of(tmp_path, text)), "--out", str(tmp_path / "out"), "--workers", "1"]) == 0
-    command = ["simulate", f"{ROOMS}/simple.toml", "--place", "figure9", "--board", "paper"]
+    command = ["simulate", f"{ROOMS}/kuc_siegel.toml", "--place", "figure6", "--board", "paper"]
     capsys.readouterr()
     assert run(command) == 0
     rows = [line.split(",") for line in capsys.readouterr().out.splitlines()[1:]]

@@ -1,4 +1,4 @@
-"""`predict`, `compare`, `fit`, `locate` and `write_report` accept files, names, objects and arrays, and agree."""
+"""`predict`, `compare`, `fit` and `write_report` accept files, names, objects and arrays, and agree."""
 
 import math
 import pickle
@@ -102,11 +102,6 @@ def test_fit_of_two_scans_gives_each_its_own_place(log: Path, readings: list[Rea
     result = sonarhw.fit([log, readings], places=["p3", (1.40, 0.55)], board="lego-nxt", free="x", samples=0)
     assert result.estimates["x@scan"].value == pytest.approx(1.38, abs=0.01)
     assert len(result.places) == 2
-
-
-def test_locate_finds_the_place(log: Path) -> None:
-    located = sonarhw.locate(log)
-    assert located.places()["p3"] == pytest.approx(1.0, abs=0.01)
 
 
 def test_readings_alone_need_a_room(readings: list[Reading]) -> None:

@@ -119,9 +119,6 @@ def test_a_changed_room_is_the_room_of_its_text(change: Change) -> None:
             NewPost((0.54, 0.5), 0.02).applied(changed)
 
 
-# Drafts of rooms.
-
-
 # Refinement by ranges, and what is stated about it.
 
 
