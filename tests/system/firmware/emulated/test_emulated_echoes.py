@@ -155,6 +155,8 @@ def test_echoes_at_the_wrap_of_the_timer_are_timed_correctly() -> None:
             assert reading.echo_times == pytest.approx([expected], rel=0, abs=TWO_TICKS + 1e-6)
 
 
+# the traces of the board are tested above, and the calibration with those of a fake board in test_calibrate.py
+@pytest.mark.soak
 def test_a_plate_in_front_of_the_emulated_board_gives_its_constants() -> None:
     start, scans = start_board(), []
     for seed, distance in enumerate((0.5, 1.0, 2.0)):
