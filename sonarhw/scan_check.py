@@ -270,6 +270,7 @@ _JUDGED = 1000  # angles that show whether they are in order
 ENOUGH_MOTION = 24  # readings that show how a device turns
 _REVERSALS = 0.4  # of the steps; of random angles two thirds
 _LARGE_STEP = math.radians(5)
+_MOST_SENSORS = 8  # on a turntable
 _ROUNDED = 0.015  # of a turn, from the span of a sweep in rounded radians
 _TURN, _TURN_IN_GRADIANS = 361.0, 401.0
 _AGREES = 0.05  # m
@@ -316,20 +317,25 @@ def check_motion(angles: FloatArray, ranges: FloatArray) -> Doubt | None:
 
 
 def jumps(angles: FloatArray) -> bool:
-    """Return whether angles are in no order: neither sweeps, nor a ring that fires in a fixed order.
+    """Return whether angles are in no order: neither sweeps, of one or several sensors, nor a ring in a fixed order.
 
     Of fewer than 24 readings, this is a suspicion only.
     """
     angles = angles[:_JUDGED]
+    half = len(angles) // 2
+    if _is_swept(angles) or any(np.allclose(angles[period:], angles[:-period]) for period in range(2, half + 1)):
+        return False
+    most = min(_MOST_SENSORS, len(angles) // _FEWEST)
+    return not any(all(_is_swept(angles[k::sensors]) for k in range(sensors)) for sensors in range(2, most + 1))
+
+
+def _is_swept(angles: FloatArray) -> bool:
+    """Return whether angles mostly go on in one direction, or in small steps."""
     steps = np.diff(angles)
     steps = steps[steps != 0]
     if len(steps) < 3 or np.median(np.abs(steps)) < _LARGE_STEP:
-        return False
-    reversals = (np.sign(steps[1:]) != np.sign(steps[:-1])).mean()
-    if reversals < _REVERSALS:
-        return False
-    half = len(angles) // 2
-    return not any(np.allclose(angles[period:], angles[:-period]) for period in range(2, half + 1))
+        return True
+    return bool((np.sign(steps[1:]) != np.sign(steps[:-1])).mean() < _REVERSALS)
 
 
 def _degrees_or_radians(angles: FloatArray) -> Doubt | None:

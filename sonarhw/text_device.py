@@ -17,8 +17,9 @@ from sonarhw.text.decoder import NOISE, make_decoder, text_of
 from sonarhw.text.evidence import DEGREES_ASSUMED, TURN_ASSUMED, UnitChoice, angle_question, turns_back
 from sonarhw.text.layouts import Layout, degrees_of, layout_of, one_of
 from sonarhw.text.numbers import Printed
+from sonarhw.text.patterns import parse_template
 from sonarhw.text.proposals import NOTHING, LayoutProposal, propose, sweep_text
-from sonarhw.text.words import RANGE_UNITS, UNIT_NAMES
+from sonarhw.text.words import RANGE_UNITS, UNIT_NAMES, ColumnKind
 
 # the URL of a device that prints text: `lines:/dev/ttyUSB0?baud=9600&preset=arduino-radar`
 
@@ -101,7 +102,8 @@ _LEGIBLE = 0.8  # of its bytes; a board may print noise when it starts
 _AGAIN = 0.5  # s between two proposals from the growing text
 
 
-_PATTERN_ADVICE = "write a pattern=, such as {deg},{cm} for 90,123 or SCAN:[{cm},]... for a sweep a line"
+_WRITE_PATTERN, _FIELD = "write a pattern=", "{-}"
+_PATTERN_ADVICE = f"{_WRITE_PATTERN}; for a sweep a line such as SCAN:[{{cm}},]..."
 
 
 @dataclass(frozen=True)
@@ -159,6 +161,9 @@ class LineGuess:
             return f"prints {name} at {self.baud} baud{asked}: '{self.url}'"
         if proposal.example:
             asked = "".join(f"; {question}" for question in proposal.questions) or f"; {_PATTERN_ADVICE}"
+            if _WRITE_PATTERN in asked and _FIELD in (skeleton := _skeleton(proposal.example)):
+                of_line = f"{_WRITE_PATTERN}{skeleton} with {{deg}} and {{cm}} in place of the {{-}} of angle and range"
+                asked = asked.replace(_WRITE_PATTERN, of_line, 1)
             return f"prints text that no preset matches, such as {proposal.example!r}{asked}"
         return f"prints no text; {self.received} bytes were received" if self.received else "prints nothing"
 
@@ -167,6 +172,24 @@ class LineGuess:
         """How the layout was decided, and the sweep that it reads."""
         turn = (TURN_ASSUMED,) if self.proposal.turn_assumed else ()
         return (*self.proposal.evidence, *turn, *sweep_text(self.proposal))
+
+
+_ECHOES_OF_A_PING = (
+    "several ranges in a reading are taken for the echoes of one ping; {cm@90} states the direction of another sensor"
+)
+
+
+def _has_several_ranges(layout: Layout) -> bool:
+    """Return whether a pattern has several ranges in one reading, none of which has a direction."""
+    if not layout.pattern or layout.is_regex:
+        return False
+    fields = parse_template(layout.pattern).fields
+    return sum(field.kind is ColumnKind.RANGE and field.mount is None for field in fields) > 1
+
+
+def _skeleton(example: str) -> str:
+    """Return a pattern for a line, without its angle and its range."""
+    return re.sub(r"\d+(?:[.,]\d+)?", "{-}", example)
 
 
 def _quoted(text: str) -> str:
@@ -339,7 +362,8 @@ class TextDevice(DevicePlugin):
         begins = "no angle is printed: the first reading of the scan is at angle 0; `sonarhw locate` finds its heading"
         counted = (begins,) if self._steps else ()
         turn = (TURN_ASSUMED,) if layout.pattern and layout.prints_angle and not self._settings.turn_stated else ()
-        return (*stated, *self._unit.notes, *angle, *turn, *counted, *self._order_notes())
+        several = (_ECHOES_OF_A_PING,) if _has_several_ranges(layout) else ()
+        return (*stated, *self._unit.notes, *angle, *turn, *counted, *several, *self._order_notes())
 
     def _order_notes(self) -> tuple[str, ...]:
         """Return whether the pauses of the device agree with the order of lines in the pattern."""

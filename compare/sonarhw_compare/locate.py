@@ -159,6 +159,7 @@ _SAME = 0.03  # m between poses that count as the same
 _SAME_HEADING = math.radians(10)
 _LEAST = 1e-3  # smallest probability of a reported pose
 FEWEST = 7  # independent readings of a scan whose probabilities mean something; a pose has four values
+_ROUGHLY = 0.5  # m, within which people state a place
 NEAR = 0.1  # m, largest distance of a pose that counts as a place of the room
 _ANY_HEADING = math.radians(90)  # standard deviation above which the heading counts as unknown
 _CONTRADICTION = 4.0  # standard deviations between the known heading and the located one
@@ -320,10 +321,16 @@ class Located:
 
     @property
     def chosen(self) -> Pose:
-        """The pose for the next command: the first, or one as probable at a place of the room or of the log."""
-        least = _RIVAL * self.poses[0].probability
-        rivals = (pose for pose in self.poses if pose.probability > least and self._at_known_place(pose) is not None)
-        return next(rivals, self.poses[0])
+        """The pose for the next command: the first, or one that is about as probable and nearer to the known place.
+
+        That is the place of the log, else the only place of the room; else any place of the room within 10 cm.
+        """
+        rivals = [pose for pose in self.poses if pose.probability > _RIVAL * self.poses[0].probability]
+        known = [self.stated] if self.stated is not None else [*self.room.places.values()]
+        if len(known) != 1:
+            return next((pose for pose in rivals if self._at_known_place(pose) is not None), self.poses[0])
+        nearest = min(rivals, key=lambda pose: math.dist(pose.position, known[0].position))
+        return nearest if math.dist(nearest.position, known[0].position) <= _ROUGHLY else self.poses[0]
 
     def lines(self, near: float = NEAR) -> Iterator[str]:
         """Yield the result as lines of text: each pose, and whether the scan distinguishes them."""
@@ -337,7 +344,7 @@ class Located:
         yield f"{self.explained:.0%} of the echoes are within 5 cm of an echo predicted for the first pose{self._usual}"
         first, *others = (pose.probability for pose in self.poses)
         if others and others[0] > _RIVAL * first:
-            yield "the scan cannot distinguish these poses: the room looks nearly the same from them"
+            yield f"the scan cannot distinguish these poses: the room looks nearly the same from them{self._why_chosen}"
         places = self.places(near)
         if _likely_place(places) is not None:
             shares = ", ".join(f"{name} {share:.1%}" for name, share in places.items() if share >= 0.001)
@@ -367,6 +374,14 @@ class Located:
     def fits_room(self) -> bool:
         """Whether the first pose explains enough echoes, and the scan was probably read rightly."""
         return not explains_few(self.explained) and self.better_read is None
+
+    @property
+    def _why_chosen(self) -> str:
+        """Why the next command has another pose than the first."""
+        if self.chosen is self.poses[0]:
+            return ""
+        x, y = self.chosen.position
+        return f"; that at {x:.2f}, {y:.2f} m is nearest to the known place"
 
     @property
     def better_read(self) -> OtherReading | None:

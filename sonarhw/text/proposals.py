@@ -120,7 +120,7 @@ def propose(
         if proposal.layout is not None:
             return proposal
         if proposal.questions and not best.questions:
-            best = proposal
+            best = replace(proposal, example=proposal.example or best.example)
         elif not ends and proposal.example:  # a row says more than the line above it
             best = replace(best, example=proposal.example)
     if hexadecimal := _HEXADECIMAL.search("\n".join(_lines(data, LINE_ENDS)[1:])):
@@ -311,6 +311,8 @@ def _checked(proposal: LayoutProposal, data: bytes, begins_whole: bool) -> Layou
     proposal = replace(proposal, readings=tuple(readings))
     if (silent := _silent_in(proposal)) is not None:
         said = f"{silent:g} taken for no echo, because no board measures so far; no_echo= changes it"
+        if silent in LASER_CODES:
+            said += "; a laser ranger measures the nearest wall, as `sonarhw compare LOG --model nearest` predicts"
         read = replace(layout, no_echo=(silent,))
         return _checked(replace(proposal, layout=read, evidence=(*proposal.evidence, said)), data, begins_whole)
     if DEGREES_ASSUMED in proposal.evidence:
@@ -783,9 +785,10 @@ def _labels(literals: Sequence[str], named: list[NameMeaning] | None) -> list[La
     german = is_german(words)
     starts: list[str] = list(literals)  # what remains of a literal after the unit of the number before
     suffixes: list[NameMeaning] = [NameMeaning()] * len(literals)
+    letters = _names_precede(literals)
     for k in range(len(literals) - 1, 0, -1):
         match = _SUFFIX.match(literals[k].split("\n")[0])
-        if match is None or (unit := unit_of_word(match[1], german)).quantity is None:
+        if letters or match is None or (unit := unit_of_word(match[1], german)).quantity is None:
             continue
         after = suffixes[k + 1].quantity if k + 1 < len(literals) else None
         if not match[2] or after not in (None, unit.quantity):  # '63 deg: 145 cm': 'deg' is not the name of 145
@@ -794,6 +797,8 @@ def _labels(literals: Sequence[str], named: list[NameMeaning] | None) -> list[La
     labels = []
     for k in range(len(literals) - 1):
         key = named[k] if named and k < len(named) else _phrase(starts[k], words)
+        if letters and len(starts[k].strip()) == 1 and key.quantity not in (ColumnKind.ANGLE, ColumnKind.RANGE):
+            key = NameMeaning()  # 'X90V120' is neither a coordinate nor a voltage
         # as 'tilt 12 cm 45', in which each word may be the name of the number after it
         suffix, apart = suffixes[k + 1], _is_word_between(literals, k + 1)
         unclear = not named and key.quantity is None and bool(words_of(starts[k])) and apart
@@ -804,6 +809,11 @@ def _labels(literals: Sequence[str], named: list[NameMeaning] | None) -> list[La
             key = NameMeaning()  # 'S1: 23cm' is no time
         labels.append(Label(_combined(key, suffix), bool(words_of(starts[k])), between))
     return labels
+
+
+def _names_precede(literals: Sequence[str]) -> bool:
+    """Return whether a word directly precedes each number, and none follows the last one: X90V120."""
+    return all(re.fullmatch(r"\s*[^\W\d_]+", literal) for literal in literals[:-1]) and not words_of(literals[-1])
 
 
 def _is_word_between(literals: Sequence[str], k: int) -> bool:

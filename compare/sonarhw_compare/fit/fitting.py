@@ -121,11 +121,11 @@ def _recorded(scan: GivenScan, room: Room, fixed: Sequence[str]) -> Place:
     recorded = scan.recorded_place(room)
     if recorded is not None:
         return room.place(recorded)
+    if len(room.places) == 1:
+        return room.place(None)
     if not fixed:
         # the whole room is searched, so the place may be unknown
         return Place("", _middle(room))
-    if len(room.places) == 1:
-        return room.place(None)
     reason = f"{' and '.join(fixed)} {'is' if len(fixed) == 1 else 'are'} fixed"
     raise InputError(f"{scan.where}: its place is unknown, and {reason}; give a place, or free the position")
 

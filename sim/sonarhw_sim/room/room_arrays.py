@@ -66,7 +66,9 @@ def room_from_arrays(
         lines += [f"material = {json.dumps(_material(value))}"]
     for place in _places(places):
         lines += [f"[places.{json.dumps(place.name)}]", f"position = {[*place.position]}"]
-        lines += [f"heading_deg = {math.degrees(place.heading)!r}"]
+        degrees = math.degrees(place.heading)
+        exact = math.radians(round(degrees, 9)) == place.heading
+        lines += [f"heading_deg = {round(degrees, 9) if exact else degrees!r}"]
     room = parse_room("\n".join(lines) + "\n", "room from arrays")
     _warn_of_centimetres(room)
     return room

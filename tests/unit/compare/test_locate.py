@@ -62,8 +62,10 @@ def test_of_poses_that_the_scan_cannot_distinguish_that_at_a_known_place_is_chos
     for second, chosen in ((0.4, 1), (0.1, 0)):
         by_room = located((elsewhere, 0.6), ((x, y + 0.05), second), readings=20)
         assert by_room.chosen == by_room.poses[chosen]
-    by_log = located(((0.2, 0.2), 0.5), (elsewhere, 0.4), readings=20, stated=Place("place", elsewhere))
-    assert by_log.chosen == by_log.poses[1]
+    for roughly, chosen in ((0.0, 1), (0.2, 1), (0.6, 0)):  # m from the place that the log states
+        stated = Place("place", (elsewhere[0] + roughly, y))
+        by_log = located(((0.2, 0.2), 0.5), (elsewhere, 0.4), readings=20, stated=stated)
+        assert by_log.chosen == by_log.poses[chosen]
 
 
 def test_a_scan_that_only_clockwise_angles_put_at_a_known_place_is_doubtful() -> None:

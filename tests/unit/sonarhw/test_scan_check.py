@@ -50,6 +50,8 @@ SIDE = np.arange(0.0, 180.0, 6.0)  # a sweep of a servo
 CORNER = np.round(np.where(np.abs(HEADINGS - 40) <= 25, 3.28 + 0.01 * (HEADINGS % 15 == 0), 1.2), 2)
 BLOCK = np.where((HEADINGS > 300) & (HEADINGS < 340), 4.0, box(HEADINGS))
 HOLES = [reading for sweep in range(3) for reading in scan(HEADINGS, with_hole(BLOCK, 4.0, 10 + 9 * sweep), sweep)]
+# two sensors on one servo, a reading of each after the other
+BOTH = scan(np.ravel((SIDE, SIDE + 180), "F"), box(np.ravel((SIDE, SIDE + 180), "F")))
 BACK = scan(SIDE, box(SIDE)) + scan(SIDE, box(SIDE)[::-1], sweep=1)
 
 
@@ -80,6 +82,7 @@ BACK = scan(SIDE, box(SIDE)) + scan(SIDE, box(SIDE)[::-1], sweep=1)
         (scan(np.full(60, 90.0), 1 + 0.01 * RANDOM.random(60)), []),  # pings without a turntable
         (scan(RANDOM.permutation(HEADINGS), ROOM), ["jumping"]),
         (BACK, ["sweeps"]),
+        (BOTH, []),
     ],
 )
 def test_what_is_wrong_in_a_scan_is_named_and_nothing_else(readings: list[Reading], expected: list[str]) -> None:

@@ -34,6 +34,9 @@ READ = {  # a pattern and the end of a line, and how their text is read
     ("d {range:.0f}\na {angle}", "\n"): "d {range}\\na {deg}",
     ("S1:{range:.0f}cm S2:{range:.0f}cm S3:{range:.0f}cm S4:9cm", "\n"): "[S{-}:{cm}cm ]...",
     ("A{angle}D{range:.0f}", "\n"): "A{deg}D{range}",
+    ("X{angle}V{range:.0f}", "\n"): "X{deg}V{range}",  # neither a coordinate nor a voltage
+    ("x{angle} y{range:.0f}", "\n"): "x{deg} y{range}",
+    ("deg{angle}cm{range:.0f}", "\n"): "deg{deg}cm{cm}",
     ("Angle {angle}: {inches:.0f}in, {range:.0f}cm", "\n"): "Angle {deg}: {-}in, {cm}cm",
     ("{angle},{signed:.0f}", "\n"): "csv",
     ("a {angle}\nDuration: {time}\nDist: {range:.0f} cm", "\n"): "a {deg}\\nDuration: {-}\\nDist: {cm} cm",
