@@ -156,11 +156,8 @@ def _faults(case: Case, ended: Ended) -> Iterator[str]:
 
 def _explains(case: Case) -> bool:
     """Return whether a command prints more than one line: each finding, or what it does before it fails."""
-    return case.arguments[:2] in (["room", "check"], ["profile", "check"]) or case.arguments[0] in (
-        "flash",
-        "doctor",
-        "monitor",
-    )
+    words = case.arguments[1:] if case.arguments[:1] == ["--"] else case.arguments
+    return words[:2] in (["room", "check"], ["profile", "check"]) or words[:1] in (["flash"], ["doctor"], ["monitor"])
 
 
 def _one_error(error: str) -> bool:
