@@ -189,7 +189,7 @@ def _has_several_ranges(layout: Layout) -> bool:
 
 def _skeleton(example: str) -> str:
     """Return a pattern for a line, without its angle and its range."""
-    return re.sub(r"\d+(?:[.,]\d+)?", "{-}", example)
+    return re.sub(r"(?:(?<=[\s:=,;|])-)?\d+(?:[.,]\d+)?", "{-}", example)
 
 
 def _quoted(text: str) -> str:

@@ -153,6 +153,19 @@ def test_guess_waits_for_a_device_that_prints_a_sweep_a_line(
     assert "&step=DEGREES' --out scan.mcap" in printed.err
 
 
+def test_guess_proposes_a_pattern_to_complete_if_several_numbers_may_be_the_range(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(text_device, "BAUDS", (9600,))
+    angles = cycle([*range(0, 181, 3), *range(177, 0, -3)])
+    lines = (b"angle:%d,left:%d,right:-1\n" % (a, 150 + a % 7) if a % 4 else b"" for a in angles)
+    both = (b"angle:%d,left:%d,right:%d\n" % (a, 150 + a % 7, 90 + a * 5 % 11) for a in angles)
+    with PrintingDevice(piece for pair in zip(lines, both, strict=True) for piece in pair) as device:
+        assert run(["ports", "--guess", device.port]) == 0
+    pattern = "write a pattern=angle:{-},left:{-},right:{-} with {deg} and {cm} in place of the {-} of angle and range"
+    assert pattern in capsys.readouterr().out
+
+
 def slowly(pieces: Iterable[bytes]) -> Iterator[bytes]:
     """Yield pieces with pauses between them, in which other devices would be given up."""
     for piece in pieces:
