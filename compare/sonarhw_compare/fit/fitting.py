@@ -363,7 +363,10 @@ def _starting_poses(problem: Problem, options: FitOptions, tick: Callable[[float
 def _solutions(
     problem: Problem, weighted: Problem, poses: list[list[ScoredValues]], tick: Callable[[float], None]
 ) -> list[ScoredValues]:
-    """Return the best solution, followed by others that are about as good according to `weighted`."""
+    """Return the best solution, followed by others that are about as good according to `weighted`.
+
+    Raises InputError if the board cannot have made the readings anywhere.
+    """
     starts = list(_starts(weighted, poses))
     stages = COARSE, MODERATE
     rough = [peak_at(problem, refined(problem, start, stages=stages, tick=lambda: tick(0.0))) for start in starts]
@@ -377,9 +380,16 @@ def _solutions(
         ):
             # the noise does not depend on the solution, so that of the best one is the start for all
             begin = np.concatenate((peak.values[:count], (tops or rough)[0].values[count:]))
-            tops.append(highest(problem, begin, _CLIMBS, partial(tick, done / len(rough))))
+            top = highest(problem, begin, _CLIMBS, partial(tick, done / len(rough)))
+            # paths that are searched again may leave an echo without any
+            tops.append(top if math.isfinite(top.score) else peak_at(problem, begin))
     tops.sort(key=lambda peak: -peak.score)
     scored = [ScoredValues(top.values, weighted.near(top.values)(top.values)) for top in tops]
+    if not scored or not math.isfinite(scored[0].score):
+        raise InputError(
+            f"room {problem.room.name!r}, board {problem.board.name!r}: from no pose in this room can this board have "
+            "an echo as near as those of the scans; check the room, the board and its blanking"
+        )
     return [peak for peak in scored if scored[0].score - peak.score < _AS_GOOD]
 
 
