@@ -6,8 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sonarhw_compare.fit import FitOptions, FitResult, Parameter, PlacedScan, fit_scans, free_parameters
+from sonarhw_compare.fit import FitOptions, FitResult, Parameter, PlacedScan, fit_scans, fitting, free_parameters
 from sonarhw_compare.fit.free_walls import with_shifted_walls
+from sonarhw_compare.fit.objective import Problem
+from sonarhw_compare.fit.search import Peak
 from sonarhw_sim.air import Receiver, Unit
 from sonarhw_sim.board.profile import Board, Mount, load_board
 from sonarhw_sim.predict.prediction import PredictionOptions
@@ -16,7 +18,7 @@ from sonarhw_sim.room.room import Place, Room, load_room
 from benchmarks.cases.synthetic_scan import ERRORS, synthetic_scan
 from benchmarks.fit import board_of
 from sonarhw.errors import Cancelled, InputError
-from sonarhw.readings import Reading, Trace
+from sonarhw.readings import FloatArray, Reading, Trace
 from tests.fixtures.predicted_readings import predicted_scan
 from tests.fixtures.rooms_for_tests import polygon_room
 
@@ -166,6 +168,20 @@ def test_in_a_symmetric_room_both_solutions_are_reported_that_at_the_stated_plac
     assert math.dist(result.places[0].position, stated) < 0.02
     assert max(mode.score for mode in result.modes) == 0
     assert ("the first is that at the stated place" in result.warnings[0].text) == (result.modes[0].score < 0)
+
+
+def test_a_refinement_that_leaves_an_echo_without_a_path_keeps_its_start(
+    monkeypatch: pytest.MonkeyPatch, readings: list[Reading]
+) -> None:
+    def lost(problem: Problem, values: FloatArray, *_: object) -> Peak:
+        return Peak(-math.inf, np.full_like(values, math.nan), problem.near(values))
+
+    monkeypatch.setattr(fitting, "highest", lost)
+    result = fitted(readings, "position")
+    assert math.dist(result.places[0].position, TRUTH.position) < 0.02
+    monkeypatch.setattr(fitting, "peak_at", lambda problem, values: lost(problem, values))
+    with pytest.raises(InputError, match="from no pose in this room can this board have an echo as near"):
+        fitted(readings, "position")
 
 
 LEGO = load_board("lego-nxt")  # reports whole centimetres
