@@ -531,16 +531,16 @@ def draw_located(located: Located) -> Figure:
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="x (m)", ylabel="y (m)")
     longer = float((high - low).max())
     taken: list[Artist] = []
-    for number, at in enumerate(places):
-        taken += axes.plot(*at, "+", color="black", alpha=0.6, ms=6, ls="none", label="" if number else "place")
+    for number, position in enumerate(places):
+        taken += axes.plot(*position, "+", color="black", alpha=0.6, ms=6, ls="none", label="" if number else "place")
     for number, pose in enumerate(poses):
         taken.append(draw_heading(axes, pose.position, pose.heading, _POSE_ARROW * longer, pictures.PREDICTED))
         name = "" if number else "probable pose, step 0 along the arrow"
         taken += mark_sensors(axes, pose.position, name, pictures.PREDICTED)
     axes.set_title(f"{pictures.picture_text(located.room.name)}: where the scan was taken", wrap=True)
     labels = [
-        *(_label(axes, text, at, pictures.PREDICTED) for at, text in _shares(poses, _ONE_MARK * longer).items()),
-        *(_label(axes, text, at, "black") for at, text in places.items()),
+        *(_label(axes, text, mark, pictures.PREDICTED) for mark, text in _shares(poses, _ONE_MARK * longer).items()),
+        *(_label(axes, text, position, "black") for position, text in places.items()),
     ]
     for label in labels:
         label.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
@@ -553,9 +553,9 @@ def _shares(poses: Sequence[Pose], near: float) -> dict[Point, str]:
     """Return the probabilities of poses as text by position; poses within `near` m of an earlier one share its text."""
     shares: dict[Point, list[str]] = {}
     for pose in poses:
-        at = next((point for point in shares if math.dist(point, pose.position) <= near), pose.position)
-        shares.setdefault(at, []).append(f"{pose.probability:.0%}" if pose.probability >= _LEAST_DRAWN else "<1%")
-    return {at: ", ".join(texts) for at, texts in shares.items()}
+        mark = next((point for point in shares if math.dist(point, pose.position) <= near), pose.position)
+        shares.setdefault(mark, []).append(f"{pose.probability:.0%}" if pose.probability >= _LEAST_DRAWN else "<1%")
+    return {mark: ", ".join(texts) for mark, texts in shares.items()}
 
 
 def _shade(axes: Axes, figure: Figure, located: Located) -> None:

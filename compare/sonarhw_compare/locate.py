@@ -326,11 +326,11 @@ class Located:
         That is the place of the log, else the only place of the room; else any place of the room within 10 cm.
         """
         rivals = [pose for pose in self.poses if pose.probability > _RIVAL * self.poses[0].probability]
-        known = [self.stated] if self.stated is not None else [*self.room.places.values()]
-        if len(known) != 1:
+        places = [self.stated] if self.stated is not None else [*self.room.places.values()]
+        if len(places) != 1:
             return next((pose for pose in rivals if self._at_known_place(pose) is not None), self.poses[0])
-        nearest = min(rivals, key=lambda pose: math.dist(pose.position, known[0].position))
-        return nearest if math.dist(nearest.position, known[0].position) <= _ROUGHLY else self.poses[0]
+        nearest = min(rivals, key=lambda pose: math.dist(pose.position, places[0].position))
+        return nearest if math.dist(nearest.position, places[0].position) <= _ROUGHLY else self.poses[0]
 
     def lines(self, near: float = NEAR) -> Iterator[str]:
         """Yield the result as lines of text: each pose, and whether the scan distinguishes them."""

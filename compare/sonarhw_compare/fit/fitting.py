@@ -402,7 +402,7 @@ def _nearest_first(scans: Sequence[PlacedScan], problem: Problem, solutions: lis
     def is_far(solution: ScoredValues) -> bool:
         _, places, _ = problem.setting(solution.values[: len(problem.parameters)])
         pairs = zip((scan.place for scan in scans), places, strict=True)
-        return any(stated.name and math.dist(stated.position, here.position) > NEAR for stated, here in pairs)
+        return any(stated.name and math.dist(stated.position, fitted.position) > NEAR for stated, fitted in pairs)
 
     return sorted(solutions, key=is_far)
 

@@ -502,8 +502,8 @@ def likely_fit(
         heading = turned_near(heading, board.faced(place).heading)
         best = replace(best, place=replace(best.place, heading=heading))
         if others:
-            there = replace(place, heading=heading - board.heading_at(0.0, 0.0))
-            best = fit_scan(readings, room, there, board, others, model=model, options=options)
+            turned = replace(place, heading=heading - board.heading_at(0.0, 0.0))
+            best = fit_scan(readings, room, turned, board, others, model=model, options=options)
         best = replace(best, free=fit.free, alike=fit.alike)
     return best
 
