@@ -205,22 +205,29 @@ def guess_lines(
     At the right one it listens until a sweep has passed; `drafted` receives the first proposal. Raises LinkError if
     the port cannot be opened.
     """
-    best = LineGuess(port)
+    best, for_slow_text = LineGuess(port), LISTEN_TO_SWEEP
     with Link(port) as link:
         for baud in BAUDS if link.bauds else BAUDS[:1]:
             link.set_baud(baud)
-            guess = _listen(link, LineGuess(port, baud), LISTEN if baud == BAUDS[0] else LISTEN_MORE, stopped, drafted)
+            patience = LISTEN if baud == BAUDS[0] else LISTEN_MORE, for_slow_text
+            guess = _listen(link, LineGuess(port, baud), patience, stopped, drafted)
             if guess.url is not None or stopped():
                 return guess
+            if guess.proposal.example:  # a pseudo-terminal has the same text at each rate
+                for_slow_text = 0.0
             better = best.proposal if best.proposal.example else guess.proposal
             best = LineGuess(port, proposal=better, received=best.received + guess.received)
     return best
 
 
 def _listen(
-    link: Link, guess: LineGuess, patience: float, stopped: Callable[[], bool], drafted: Callable[[LineGuess], None]
+    link: Link,
+    guess: LineGuess,
+    patience: tuple[float, float],
+    stopped: Callable[[], bool],
+    drafted: Callable[[LineGuess], None],
 ) -> LineGuess:
-    """Return what arrives at the baud rate of a guess."""
+    """Return what arrives at the baud rate of a guess. `patience`: for any text, and for slow text, s."""
     data, began = b"", time.monotonic()
     pauses, newest = list[tuple[int, float]](), began
     next_look, reported = began + _AGAIN, False
@@ -230,7 +237,8 @@ def _listen(
         if piece:
             pauses.append((len(data), now - newest))
             data, newest = data + piece, now
-        over = now > began + (LISTEN_TO_SWEEP if guess.url or _is_slow_text(data) else patience)
+        wait = LISTEN_TO_SWEEP if guess.url else max(patience) if _is_slow_text(data) else patience[0]
+        over = now > began + wait
         if now < next_look and not over and len(data) < 4 * max(guess.received, 200):
             continue
         next_look = now + _AGAIN
