@@ -216,7 +216,9 @@ def _other_npz(chance: Random, data: bytes) -> bytes:
             case 2:
                 arrays[name] = arrays[name][: chance.randrange(len(arrays[name]) + 1)]
             case 3:
-                arrays[name] = chance.choice((arrays[name].astype(str), arrays[name].astype(bool), arrays[name] * 1j))
+                arrays[name] = chance.choice(
+                    (arrays[name].astype(str), arrays[name] == 0, np.full(arrays[name].shape, 1j))
+                )
             case 4:
                 arrays[name] = chance.choice(
                     (arrays[name].reshape(-1, 1), np.array(1), np.zeros((0, 3)), np.zeros(10**6))
