@@ -179,7 +179,11 @@ def _mat(file: Path, variable: str | None) -> NDArray[np.generic]:
         _check_size(file, sizes[chosen])
         return np.asarray(loadmat(file, variable_names=[chosen])[chosen])
     except NotImplementedError as error:
-        raise InputError(f"{file}: a MAT file of version 7.3; save it with `save -v7`") from error
+        raise _newer_version(file) from error
+
+
+def _newer_version(file: Path) -> InputError:
+    return InputError(f"{file}: a MAT file of version 7.3; save it with `save -v7`")
 
 
 def _of_struct(file: Path, names: list[str], variable: str | None) -> NDArray[np.generic]:
@@ -194,14 +198,6 @@ def _of_struct(file: Path, names: list[str], variable: str | None) -> NDArray[np
             arrays[name] = value
     large = {name: value for name, value in arrays.items() if value.size > 1 and value.dtype.kind in "iuf"}
     return large[_chosen(file, [*large], variable)]
-
-
-# CSV of oscilloscopes: names and settings of each maker, then a column of times or of counts, and one of each channel.
-
-
-_TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
-_UNIT = re.compile(r"\(([a-zµ]+)\)|\b(ms|us|µs|ns)\b", re.IGNORECASE)
-_STEADY = 0.5  # share by which two steps of the time may differ, by rounding
 
 
 # Columns of angles and ranges: they become CSV, so that words, units and doubts are those of any other text.
@@ -294,7 +290,15 @@ def _of_mat(file: Path) -> dict[str, Any]:
         _check_size(file, max(file.stat().st_size / 2, sum(math.prod(shape) for _, shape, _ in whosmat(file))))
         return {name: value for name, value in loadmat(file, squeeze_me=True).items() if not name.startswith("__")}
     except NotImplementedError as error:
-        raise InputError(f"{file}: a MAT file of version 7.3; save it with `save -v7`") from error
+        raise _newer_version(file) from error
+
+
+# CSV of oscilloscopes: names and settings of each maker, then a column of times or of counts, and one of each channel.
+
+
+_TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
+_UNIT = re.compile(r"\(([a-zµ]+)\)|\b(ms|us|µs|ns)\b", re.IGNORECASE)
+_STEADY = 0.5  # share by which two steps of the time may differ, by rounding
 
 
 def _oscilloscope(file: Path) -> tuple[NDArray[np.generic], float]:

@@ -598,8 +598,8 @@ def _fit(report: Report) -> Facts:
         return ()
     facts = [("grid", report.fit.search), ("chosen", "the values with the most readings within 5 cm")]
     if len(report.fit.alike) > 1:
-        spans = " and ".join(f"{begin:.1f}° to {end:.1f}°" for begin, end in report.fit.spans_deg)
-        facts.append(("headings with as many, within a standard error", f"{spans}; the likeliest is taken"))
+        spans = f"{report.fit.spans_text}; the likeliest is taken"
+        facts.append(("headings with as many, within a standard error", spans))
     return [*facts, *(("warning", doubt) for doubt in report.fit.doubts)]
 
 

@@ -396,7 +396,7 @@ def _solutions(
 def _nearest_first(scans: Sequence[PlacedScan], problem: Problem, solutions: list[ScoredValues]) -> list[ScoredValues]:
     """Return the solutions, those first at which all scans stand near their stated places.
 
-    The scans cannot tell these solutions apart, but the person who placed the scanner can.
+    The scans are about equally likely at all of these solutions.
     """
 
     def is_far(solution: ScoredValues) -> bool:

@@ -412,12 +412,16 @@ class Fit:
         """The same in degrees, near the fitted heading."""
         return [[estimate_degrees(end, self.heading, 1) for end in span] for span in self.spans]
 
+    @property
+    def spans_text(self) -> str:
+        """The same in words."""
+        return " and ".join(f"{begin:.1f}° to {end:.1f}°" for begin, end in self.spans_deg)
+
     def lines(self) -> Iterator[str]:
         """Yield lines of text: how the grid was searched, which headings explain as much, and what `fit` adds."""
         yield f"fitted on a grid for the most readings within 5 cm: {self.search}"
         if len(self.alike) > 1:
-            spans = " and ".join(f"{begin:.1f}° to {end:.1f}°" for begin, end in self.spans_deg)
-            yield f"as many, within a standard error, with step 0 at {spans}; the likeliest of these is taken"
+            yield f"as many, within a standard error, with step 0 at {self.spans_text}; the likeliest of these is taken"
         yield "`sonarhw fit` searches between these steps and farther, and adds credible intervals"
 
     @property
