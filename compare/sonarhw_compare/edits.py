@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from itertools import count
 from typing import Any
 
+import numpy as np
 import tomlkit
 from sonarhw_sim.room.room import Room
 from sonarhw_sim.room.room_writing import Document, changed_room, like_array, remove_table, with_corners
@@ -42,14 +43,14 @@ def add_wall(room: Room, start: Point, end: Point, material: str) -> Room:
 
 
 def split_wall(room: Room, wall: int, point: Point) -> Room:
-    """Return the room with a wall split in two at a point; the second part gets a new name."""
-    second = free_name(room, room.names[wall], 2)
+    """Return the room with a wall split in two at its point nearest to `point`; the second part gets a new name."""
+    second, corner = free_name(room, room.names[wall], 2), _on_wall(room, wall, point)
 
     def change(document: Document) -> None:
         chain, k = _chain_of(document, wall)
         names = _segment_names(chain)
         points = _points(chain)
-        chain["points"] = like_array(chain["points"], [*points[: k + 1], list(point), *points[k + 1 :]])
+        chain["points"] = like_array(chain["points"], [*points[: k + 1], corner, *points[k + 1 :]])
         chain["edges"] = _named(chain, [*names[: k + 1], second, *names[k + 1 :]])
 
     return changed_room(room, change)
@@ -116,6 +117,15 @@ def free_name(room: Room, stem: str, first: int = 1) -> str:
 def corners(room: Room) -> tuple[Point, ...]:
     """Return each point where walls end."""
     return tuple(dict.fromkeys((float(x), float(y)) for x, y in room.walls.reshape(-1, 2)))
+
+
+def _on_wall(room: Room, wall: int, point: Point) -> list[float]:
+    """Return the point of a wall nearest to a point, at a whole number of millimetres along the wall."""
+    start, end = room.walls[wall].reshape(2, 2)
+    length = np.hypot(*(end - start))
+    along = round(float(np.dot(np.subtract(point, start), end - start) / length), 3)
+    x, y = start + (end - start) * (np.clip(along, 0.0, length) / length)
+    return [round(float(x), 6), round(float(y), 6)]
 
 
 def _chain_of(document: Document, wall: int) -> tuple[Document, int]:

@@ -166,9 +166,9 @@ def without_surface(scene: Scene, surface: int) -> Edit:
 
 
 def with_corner(scene: Scene, wall: int, point: room_edits.Point) -> Edit:
-    """Return the scene with an additional corner in a wall."""
+    """Return the scene with an additional corner in a wall, at its point nearest to `point`."""
     room, _ = room_and_place(scene)
-    return with_room(scene, room_edits.split_wall(room, wall, on_grid(point))), f"adding a corner in {room.names[wall]}"
+    return with_room(scene, room_edits.split_wall(room, wall, point)), f"adding a corner in {room.names[wall]}"
 
 
 def with_surface_material(scene: Scene, surface: int, material: str) -> Edit:

@@ -153,7 +153,7 @@ def start_recording(
     except OSError as error:
         raise LogError(f"{folder}: cannot be created: {error.strerror}; recordings are stored there") from error
     now = time.time()
-    path = free_name(folder, f"{time.strftime('%Y-%m-%d_%H%M%S', time.localtime(now))}_{_name_part(scene)}", ".mcap")
+    path = free_name(folder, f"{time.strftime('%Y-%m-%d_%H%M%S', time.localtime(now))}_{name_part(scene)}", ".mcap")
     room = scene.written_room
     metadata = LogMetadata(
         made_by="scan",
@@ -169,7 +169,7 @@ def start_recording(
     return LogWriter(path, metadata, warn=warn, fallback=recordings_folder()), path
 
 
-def _name_part(scene: Scene) -> str:
+def name_part(scene: Scene) -> str:
     """Return the room's name without characters that a file system may reject."""
     return re.sub(r"\W+", "-", scene.room.name.lower()).strip("-") or "room" if scene.room else "no-room"
 

@@ -65,7 +65,10 @@ class NewRoomDialog(QtWidgets.QDialog):
         self.buttons = QtWidgets.QDialogButtonBox()
         self.buttons.addButton("Create", QtWidgets.QDialogButtonBox.ButtonRole.AcceptRole)
         self.buttons.addButton(QtWidgets.QDialogButtonBox.StandardButton.Cancel)
-        hint = PlainLabel("Four walls. Wall and Post in the bar above the plan add more; drag a corner to move it.")
+        hint = PlainLabel(
+            "Four walls. In the plan, Edit (E) moves corners, and its double click on a wall adds one. Wall (W) and "
+            "Post (P) draw more."
+        )
         hint.setWordWrap(True)
         stacked(self, form, hint, self.buttons)
         self.buttons.accepted.connect(self._choose)

@@ -16,6 +16,8 @@ from sonarhw_sim.room.room import room_names
 
 from sonarhw.export import FORMATS
 from sonarhw_gui.jobs import files
+from sonarhw_gui.model.scene import Scene
+from sonarhw_gui.session.scanner import name_part
 from sonarhw_gui.session.session import WindowSession
 from sonarhw_gui.session.source import Replay
 from sonarhw_gui.session.status import link_figures
@@ -187,7 +189,7 @@ class FileCommands(QMenu):
         room, folder = self._session.shown.scene.room, self._session.documents.folder(self._session.log_file)
         dialog = self._ask_file("Save room as", "Rooms (*.toml)", self._session.save_room, folder)
         if room is not None:
-            dialog.selectFile(_new_name(Path(self._session.shown.scene.room_file or "room.toml"), folder))
+            dialog.selectFile(_new_name(self._session.shown.scene, folder))
 
     def _ask_file(
         self, title: str, pattern: str, chosen: Callable[[str], object] | None, save_in: Path | None = None
@@ -207,10 +209,10 @@ class FileCommands(QMenu):
         return dialog
 
 
-def _new_name(file: Path, folder: Path) -> str:
-    """Return an unused file name for an edited room."""
-    stem = file.stem.partition("-edited")[0]
-    names = (f"{stem}-edited{f'-{k}' if k > 1 else ''}.toml" for k in count(1))
+def _new_name(scene: Scene, folder: Path) -> str:
+    """Return an unused file name: that of the room if it has no file yet, else for an edited room."""
+    stem = f"{Path(scene.room_file).stem.partition('-edited')[0]}-edited" if scene.room_file else name_part(scene)
+    names = (f"{stem}{f'-{k}' if k > 1 else ''}.toml" for k in count(1))
     return next(name for name in names if not (folder / name).exists())
 
 

@@ -13,6 +13,7 @@ from sonarhw.errors import InputError, counted
 from sonarhw.readings import FloatArray
 from sonarhw_sim.room.room import Place, Room, parse_room, place_at
 from sonarhw_sim.room.room_file import MAX_COORDINATE, MEETING
+from sonarhw_sim.room.room_writing import changed_room
 
 Reflectances: TypeAlias = float | ArrayLike | Mapping[str, float]
 
@@ -69,7 +70,8 @@ def room_from_arrays(
         degrees = math.degrees(place.heading)
         exact = math.radians(round(degrees, 9)) == place.heading
         lines += [f"heading_deg = {round(degrees, 9) if exact else degrees!r}"]
-    room = parse_room("\n".join(lines) + "\n", "room from arrays")
+    text = "\n".join(lines).replace("\n[", "\n\n[")  # an empty line before each table
+    room = parse_room(f"{text}\n", "room from arrays")
     _warn_of_centimetres(room)
     return room
 
@@ -77,6 +79,7 @@ def room_from_arrays(
 def rectangular_room(width: float, depth: float, place: Sequence[float] | None = None, *, name: str = "room") -> Room:
     """Return a room of four walls from (0, 0) to (`width`, `depth`), m, with a place `scanner` for the sensor in it.
 
+    The walls are `south`, `east`, `north` and `west`.
     `place` is x and y, m, or x, y and heading, rad; None: the middle. Raises InputError.
     """
     if not (0 < width <= MAX_COORDINATE and 0 < depth <= MAX_COORDINATE):
@@ -85,7 +88,8 @@ def rectangular_room(width: float, depth: float, place: Sequence[float] | None =
     if not (0 < pose[0] < width and 0 < pose[1] < depth):
         raise InputError(f"place {pose[0]:g},{pose[1]:g}: expected a point in the room, 0,0 to {width:g},{depth:g}")
     corners = [[0.0, 0.0], [width, 0.0], [width, depth], [0.0, depth]]
-    return room_from_arrays({"boundary": corners}, places={"scanner": pose}, name=name)
+    room = room_from_arrays({"boundary": corners}, places={"scanner": pose}, name=name)
+    return changed_room(room, lambda document: document["walls"][0].update(edges=["south", "east", "north", "west"]))
 
 
 def _material(reflectance: float) -> str:

@@ -263,6 +263,10 @@ def test_a_new_room_is_scanned_by_a_fake_scanner_and_closed_again(open_with: Ope
     until(lambda: predicted(window))
     assert session.shown.scene.room.walls.reshape(-1, 2).max(axis=0).tolist() == [1.2, 0.9]
     assert session.shown.scene.pose.position == (0.6, 0.45)
+    assert session.shown.scene.room.names == ("south", "east", "north", "west")
+    commands.save_room_as.trigger()
+    assert Path(dialog_of(window).selectedFiles()[0]).name == "cellar.toml"
+    dialog_of(window).reject()
     commands.connect_fake.trigger()
     until(lambda: session.status.can_scan)
     commands.scan.trigger()

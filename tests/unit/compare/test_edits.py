@@ -120,6 +120,14 @@ def test_a_post_is_added_moved_resized_and_removed() -> None:
     assert remove_surface(room, post).text.strip() == SIMPLE.text.strip()
 
 
+@pytest.mark.parametrize(
+    ("click", "corner"), [((2.0, 0.03), (2.0, 0.0)), ((2.0004, -0.05), (2.0, 0.0)), ((4.02, 1.5), (4.0, 1.5))]
+)
+def test_a_new_corner_lies_on_its_wall(click: tuple[float, float], corner: tuple[float, float]) -> None:
+    number = 0 if corner[1] == 0 else 1
+    assert split_wall(LAB, number, click).walls[number, 2:].tolist() == list(corner)
+
+
 @settings(max_examples=40, deadline=None)
 @given(data=st.data())
 def test_any_edit_can_be_read_back_and_changes_nothing_else(data: st.DataObject) -> None:
