@@ -231,7 +231,7 @@ def _start_button(action: QAction, before: str = "") -> QtWidgets.QPushButton:
 # The card below the large view: why the selected reading has its range, and what to do next.
 
 
-_WHY_LINES = 2  # fixed height, so that a longer sentence does not move the views
+_LINES, _HEAD_LINES = 3, 2  # fixed height, so that a longer sentence does not move the views
 _CARD_MARGIN = 12
 _HEAD_SIZE, _WHY_SIZE = 1.15, 1.0  # of the default text size
 MISFITS = Kind.SHORT, Kind.LONG, Kind.EXTRA, Kind.MISSED
@@ -246,7 +246,7 @@ def chosen_class(shown: Shown) -> Class | None:
 
 
 class Sentence(QtWidgets.QWidget):
-    """Explains the selected reading: what it is in one bold line, and why in two lines.
+    """Explains the selected reading: what it is in one or two bold lines, and why in the rest of three lines.
 
     The tooltip has the whole sentence if it does not fit.
     """
@@ -255,11 +255,10 @@ class Sentence(QtWidgets.QWidget):
         super().__init__()
         self._whole = ""
         self._look: Look | None = None
-        self.head, self.why = PlainLabel(), PlainLabel(wordWrap=True)
+        self.head, self.why = PlainLabel(wordWrap=True), PlainLabel(wordWrap=True)
         for label in (self.head, self.why):
+            label.setParent(self)  # without a layout: a second line of the head would lay out the window again
             label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-            label.setMinimumWidth(1)
-        arranged(QtWidgets.QVBoxLayout(self), LabelSlot(self.head), LabelSlot(self.why))
 
     def text(self) -> str:
         """Return the whole sentence."""
@@ -273,8 +272,10 @@ class Sentence(QtWidgets.QWidget):
             self._look = shown.look
             head = text_font(shown.look, _HEAD_SIZE)
             head.setBold(True)
-            _set_font(self.head, head, 1)
-            _set_font(self.why, text_font(shown.look, _WHY_SIZE), _WHY_LINES)
+            self.head.setFont(head)
+            self.why.setFont(text_font(shown.look, _WHY_SIZE))
+            most = _height_of(self.head, _HEAD_LINES) + _height_of(self.why, _LINES - _HEAD_LINES)
+            self.setFixedHeight(max(most, _height_of(self.head, 1) + _height_of(self.why, _LINES - 1)))
             self._fit()
         if self._whole != shown.sentence:
             self._whole = shown.sentence
@@ -287,11 +288,18 @@ class Sentence(QtWidgets.QWidget):
 
     def _fit(self) -> None:
         whole_head, _, whole_why = self._whole.partition("; ")
-        head = shortened_to_lines(whole_head, self.head.font(), self.width(), 1)
-        why = shortened_to_lines(whole_why, self.why.font(), self.width(), _WHY_LINES)
-        self.head.setText(head)
-        self.why.setText(why)
-        self.why.heightForWidth(self.width())  # lays out now: during the paint, it would ask for another one
+        one_line = shortened_to_lines(whole_head, self.head.font(), self.width(), 1) == whole_head
+        lines = 1 if one_line else _HEAD_LINES
+        head = shortened_to_lines(whole_head, self.head.font(), self.width(), lines)
+        why = shortened_to_lines(whole_why, self.why.font(), self.width(), _LINES - lines)
+        height = _height_of(self.head, lines)
+        for label, text, top, below in (
+            (self.head, head, 0, height),
+            (self.why, why, height, height + _height_of(self.why, _LINES - lines)),
+        ):
+            label.setText(text)
+            label.setGeometry(0, top, self.width(), below - top)
+            label.heightForWidth(self.width())  # lays out now: during the paint, it would ask for another one
         self.setToolTip(self._whole if (head, why) != (whole_head, whole_why) else "")
 
 
@@ -364,7 +372,12 @@ def _card_button(action: QAction) -> QtWidgets.QToolButton:
 
 def _set_font(label: PlainLabel, font: QtGui.QFont, lines: int) -> None:
     label.setFont(font)
-    label.setFixedHeight(lines * ceil(QtGui.QFontMetricsF(font).lineSpacing()) + 2)
+    label.setFixedHeight(_height_of(label, lines))
+
+
+def _height_of(label: PlainLabel, lines: int) -> int:
+    """Return the height of some lines of a label, pixels."""
+    return lines * ceil(QtGui.QFontMetricsF(label.font()).lineSpacing()) + 2
 
 
 def _fade(label: PlainLabel, outdated: bool) -> None:

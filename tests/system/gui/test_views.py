@@ -613,7 +613,7 @@ def test_only_paths_and_sentences_are_cut_off_without_horizontal_scrolling(
 # the sentence
 
 
-def test_a_long_sentence_is_shortened_to_one_line_and_two_and_complete_in_the_tooltip(
+def test_a_long_sentence_is_shortened_to_two_lines_and_one_and_complete_in_the_tooltip(
     qtbot: QtBot, monkeypatch: pytest.MonkeyPatch, scene: Scene
 ) -> None:
     walls = ", ".join(["bottom", "top", "left", "right"] * 20)
@@ -639,17 +639,22 @@ def test_a_long_sentence_is_shortened_to_one_line_and_two_and_complete_in_the_to
     for scale in (0.7, 1.0, 1.3, 1.6, 2.0):
         sentence.show_state(Shown(scene, look=replace(Look(), scale=scale)))
         head, why = sentence.head.text(), sentence.why.text()
-        assert (lines(sentence.head), lines(sentence.why)) == (1, 2)
+        assert (lines(sentence.head), lines(sentence.why)) == (2, 1)
         assert head.endswith("…")
         assert whole.startswith(head[:-1])
         assert why.endswith("…")
         assert whole.partition("; ")[2].startswith(why[:-1])
         assert (sentence.text(), sentence.toolTip()) == (whole, whole)
-        for label, most in ((sentence.head, 1), (sentence.why, 2)):
+        for label, most in ((sentence.head, 2), (sentence.why, 1)):
             assert most * QFontMetricsF(label.font()).lineSpacing() <= label.height()
         seen.append((sentence.why.height(), -len(why)))
     assert seen == sorted(seen)  # larger text: higher, and less of it
-    sentence.resize(16000, sentence.height())
+    monkeypatch.setattr(Shown, "sentence", f"0.827 m at 270.0°; {walls}")  # a short head leaves two lines
+    sentence.show_state(Shown(scene))
+    assert (lines(sentence.head), lines(sentence.why)) == (1, 2)
+    monkeypatch.setattr(Shown, "sentence", whole)
+    sentence.show_state(Shown(scene))
+    sentence.resize(20000, sentence.height())
     until(lambda: "; ".join((sentence.head.text(), sentence.why.text())) == whole)
     assert sentence.toolTip() == ""
     assert shortened_to_lines("0.827 m at 270.0°", sentence.font(), 500, 2) == "0.827 m at 270.0°"
