@@ -187,14 +187,16 @@ class Cause:
     gain: float  # of log-likelihood by this change beside all others; no reading counts for more than 3
     readings: tuple[int, ...]  # rows of the readings that are more likely with it
     kinds: tuple[tuple[Kind, int], ...]  # classes of these readings in the given room, the most frequent first
-    sectors: tuple[tuple[float, float], ...]  # rad: first and last heading of neighbouring readings among these
+    misfits: tuple[int, ...]  # rows of the misfits among them; without one, all of them
+    sectors: tuple[tuple[float, float], ...]  # rad: first and last heading of neighbouring readings among the misfits
 
     def text(self, length: LengthText = in_metres) -> str:
-        """Return one sentence: the readings, their headings, and the change that explains them."""
+        """Return one sentence: the misfits, their headings, and the change that explains them."""
         misfits = [(kind, count) for kind, count in self.kinds if kind in MISFITS]
-        (kind, count), whole = (misfits or self.kinds)[0], len(self.readings)
-        readings = f"{count} {kind.label} readings" if count == whole else f"{whole} readings ({count} {kind.label})"
-        return f"{readings} at {_headings_text(self.sectors)}: {self.change.text(length)}"
+        counts = " and ".join(f"{count} {kind.label}" for kind, count in misfits or self.kinds)
+        others = len(self.readings) - len(self.misfits)
+        more = f", and {others} more that fit better" if others else ""
+        return f"{counts} readings at {_headings_text(self.sectors)}{more}: {self.change.text(length)}"
 
 
 @dataclass(frozen=True)
@@ -337,7 +339,8 @@ class _Search:
         rows = self._compared(self._room).rows
         better = tuple(self._rows[np.flatnonzero(gains > CLEARLY)].tolist())
         kinds = tuple(Counter(rows[k].kind for k in better).most_common())
-        return Cause(change, _agreed(gains), better, kinds, _sectors([rows[k].heading for k in better]))
+        misfits = tuple(k for k in better if rows[k].kind in MISFITS) or better
+        return Cause(change, _agreed(gains), better, kinds, misfits, _sectors([rows[k].heading for k in misfits]))
 
     def _gains(self, before: Room, after: Room) -> FloatArray:
         return self._evidence.gains(self._draft(before), self._draft(after), self._noise)[0]

@@ -7,13 +7,14 @@ is one undo step.
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyqtgraph as pg
 from PySide6 import QtWidgets
-from PySide6.QtCore import QPointF, QSignalBlocker, QSize, Qt, Slot
+from PySide6.QtCore import QPointF, QSignalBlocker, QSize, Qt, QTimer, Slot
 from PySide6.QtGui import QColor, QHideEvent, QIcon, QPainter, QPen, QPixmap, QShowEvent
 from sonarhw_compare.edits import remove_surface
 from sonarhw_compare.fit.quantities import NEAR, QUANTITIES, Offer
@@ -79,6 +80,7 @@ class SearchPanel(QtWidgets.QWidget):
         self._state, self._drawn = control.state, session.shown
         self.begin, self.cancel = button(begin, "", self._begin), button("Cancel", "", control.cancel)
         self.progress, self.note = QtWidgets.QProgressBar(), PlainLabel(wordWrap=True)
+        self.decision: QtWidgets.QWidget = self.note  # what the user needs once the search has an answer
         control.changed.connect(self._follow)
 
     @property
@@ -99,6 +101,18 @@ class SearchPanel(QtWidgets.QWidget):
         before, self._state = self._state, state
         self.progress.setValue(round(100 * state.share))
         self._show_changes(before)
+        if state.running and not before.running:
+            self._reveal(self.cancel)
+        elif state.answer is not None and state.answer is not before.answer:
+            self._reveal(self.decision)
+
+    def _reveal(self, part: QtWidgets.QWidget) -> None:
+        """Scroll the panel to a part of it, once the part has its place."""
+        area = self.parentWidget()
+        while area is not None and not isinstance(area, QtWidgets.QScrollArea):
+            area = area.parentWidget()
+        if area is not None:
+            QTimer.singleShot(0, part, partial(area.ensureWidgetVisible, part))
 
     def _show_changes(self, before: Any) -> None:
         """Show the state of the search, which was `before`."""
@@ -143,6 +157,7 @@ class FitPanel(SearchPanel):
         self.table.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         self.accept = button("Accept", "Move the sensor there; Undo moves it back", self._accept)
         self.discard = button("Discard", "", session.fitting.cancel)
+        self.decision = self.accept
         request, self._result = QtWidgets.QGroupBox("Free parameters"), QtWidgets.QGroupBox("Result")
         stacked(request, *self.free.values(), self.where, self.begin)
         stacked(self._result, self.solutions, self.table, self.notes, (self.accept, self.discard))
@@ -241,6 +256,7 @@ class CausesPanel(SearchPanel):
             tuple[Room | None, frozenset[int]]
         ] = []  # rooms of this search, with the causes tried in each
         self.list = _list("Causes of misfits, worst first")
+        self.list.setSizeAdjustPolicy(QtWidgets.QListWidget.SizeAdjustPolicy.AdjustToContents)  # few: Try stays visible
         self.try_it = button("Try", "Change the room, and predict again", self._try)
         self.undo = button("Undo", "Undo the change that was tried last", session.showing.undo)
         self.shares = PlainLabel(wordWrap=True)
@@ -267,28 +283,36 @@ class CausesPanel(SearchPanel):
             for number, cause in enumerate(answer.result.causes, 1):
                 text = f"{number}. {cause.text(self._shown.look.unit.text)}"
                 self.list.addItem(_item(text, f"{text}; log-likelihood +{cause.gain:.0f}"))
-            count = "no change of the room explains misfits; " if not answer.result.causes else ""
-            left = answer.result.left_text
-            self.note.setText(f"{count}with all changes, {left}".replace("changes, no", "changes no"))
+            chosen = -1 if self._shown.chosen is None else self._shown.chosen - answer.first
+            of_chosen = (row for row, cause in enumerate(answer.result.causes) if chosen in cause.misfits)
+            with QSignalBlocker(self.list):
+                self.list.setCurrentRow(next(of_chosen, 0))  # the cause of the reading that was asked about
+            self._propose()
+            found = "with all changes tried, " if answer.result.causes else "no change of the room explains misfits; "
+            self.note.setText(f"{found}{answer.result.left_text}")
         self._enable()
 
     @Slot()
     def _select(self) -> None:
-        """Draw the proposal of the current cause, and select its first misfit."""
+        """Draw the current cause, and select a misfit that it explains."""
+        cause, answer = self._cause, self._state.answer
+        if cause is not None and self._shown.chosen not in (numbers := [answer.first + row for row in cause.misfits]):
+            self._session.showing.choose(numbers[0])
+        self._propose()
+
+    def _propose(self) -> None:
+        """Draw the change of the current cause, with rings around its misfits."""
         cause, room, answer = self._cause, self._shown.scene.room, self._state.answer
         if cause is None or room is None:
             return
         from sonarhw_compare.rooms.causes import OtherReflectance
 
-        numbers = tuple(answer.first + row for row in cause.readings)
+        numbers = tuple(answer.first + row for row in cause.misfits)
         surface = cause.change.surface if isinstance(cause.change, OtherReflectance) else None
         try:
             changed = cause.change.applied(room)
         except (InputError, ValueError):
             changed = room  # the room was edited since the search
-        kinds = {row.index: row.kind for row in answer.result.before.rows}
-        misfits = (row for row in cause.readings if kinds[row] not in (Kind.MATCH, Kind.BOTH_SILENT))
-        self._session.showing.choose(answer.first + next(misfits, cause.readings[0]))
         self._session.showing.propose(proposal_of(room, changed, numbers, surface))
         self._enable()
 
@@ -360,7 +384,9 @@ class FindPanel(SearchPanel):
         self.list.setSpacing(2)
         self.list.setResizeMode(QtWidgets.QListWidget.ResizeMode.Adjust)
         self.list.currentRowChanged.connect(self._select)
-        self.accept = button("Accept", "Make this the room of the window; Undo takes it back", self._accept)
+        self.decision = self.accept = button(
+            "Accept", "Make this the room of the window; Undo takes it back", self._accept
+        )
         self.reject = button("Reject", "Remove the selected wall or post; Go on does not find it again", self._reject)
         self.plan = button(
             "Next place to scan", "Find where another scan makes the walls most certain", session.finding.plan_next
@@ -624,7 +650,7 @@ class TrackPanel(SearchPanel):
         super().__init__(session, session.tracking, "Track the robot")
         self.everywhere = QtWidgets.QCheckBox("Start anywhere")
         self.everywhere.setToolTip("The first pose is not known")
-        self.lines = PlainLabel(wordWrap=True)
+        self.decision = self.lines = PlainLabel(wordWrap=True)
         self.note.setText(_TRACK_HINT)
         self._update: int | None = None  # the one drawn
         stacked(self, self.everywhere, self.begin, (self.progress, self.cancel), self.note, self.lines, None)
