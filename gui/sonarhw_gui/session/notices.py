@@ -17,8 +17,9 @@ from sonarhw.errors import SonarError
 _MOST = 20  # a user who has not read the first of them does not need more
 
 
-# what ends a message: a scanner is connected, another room or log is opened, the scans or the scene of a search change
-Until: TypeAlias = Literal["connected", "scene replaced", "search changed"]
+# what ends a message: a scanner is connected, another room or log is opened, the scans or the scene of a search change,
+# the readings are shown at a place that was chosen or found
+Until: TypeAlias = Literal["connected", "scene replaced", "search changed", "placed"]
 
 
 class NoticeButton(NamedTuple):
@@ -107,8 +108,9 @@ class Notices(QObject):
         self._keep(lambda _: False)
 
     def _keep(self, kept: Callable[[Notice], bool]) -> None:
-        self._events = deque(filter(kept, self._events), maxlen=_MOST)
-        self.changed.emit()
+        before, self._events = self._events, deque(filter(kept, self._events), maxlen=_MOST)
+        if len(self._events) < len(before):
+            self.changed.emit()
 
     # the buttons of the banner
 

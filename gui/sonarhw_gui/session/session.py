@@ -249,9 +249,9 @@ class WindowSession(QObject):
         elif not log.readings:
             self.notices.warn(f"{name}: contains no readings")
         self.jobs.run("check the readings", files.check_readings, log, then=partial(self._warn_of, name))
-        doubts = (place_warning(log.metadata, self.shown.scene), *(scan.angle_warning for scan in log.scans))
-        for doubt in filter(None, doubts):
-            self.notices.warn(f"{name}: {doubt}")
+        self._warn_of(name, [scan.angle_warning for scan in log.scans if scan.angle_warning])
+        if doubt := place_warning(log.metadata, self.shown.scene):
+            self.notices.add(Notice(f"{name}: {doubt}", until="placed"))
 
     def _warn_of(self, name: str, doubts: Sequence[str]) -> None:
         for doubt in doubts:
@@ -529,8 +529,10 @@ class WindowSession(QObject):
         self.recent_changed.emit(self.documents.recent)
         if not self.live.running:  # else requested before the scan began; it would change the room of the scan
             take(opened)
-        if opened.notice:
-            self.notices.fail(opened.notice)
+        if opened.notice and opened.log is not None:
+            self.saved.emit(opened.notice)  # nothing is wrong
+        elif opened.notice:
+            self.notices.warn(opened.notice)
 
     def _take_log(self, opened: files.Opened) -> None:
         log, path = opened.log, opened.path
@@ -632,6 +634,8 @@ class WindowSession(QObject):
     @Slot()
     def _follow_edit(self) -> None:
         self.kept.rooms.change(self.shown.scene, time.monotonic())
+        if self.replay is not None and not place_warning(self.replay.log.metadata, self.shown.scene):
+            self.notices.end("placed")
         self._update_status()
 
     @Slot()

@@ -4,11 +4,12 @@ import math
 import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from PySide6 import QtWidgets
-from PySide6.QtCore import QSignalBlocker, Qt, Signal, Slot
+from PySide6.QtCore import QMargins, QSignalBlocker, Qt, Signal, Slot
 from sonarhw_compare.import_formats import FORMATS, ImportFormat, takes_option
 
 from sonarhw.errors import InputError, shortened
@@ -20,7 +21,7 @@ from sonarhw_gui.jobs.jobs import Jobs
 from sonarhw_gui.model.shown import Shown
 from sonarhw_gui.views.base import Gestures
 from sonarhw_gui.views.plan import PlanDrawing
-from sonarhw_gui.widgets import NumberField, PlainLabel, cell, short_list, text_table
+from sonarhw_gui.widgets import FlowLayout, NumberField, PlainLabel, cell, short_list, text_table
 
 _READING = "read a scan"
 _RECOGNISED = "as recognised"
@@ -75,6 +76,7 @@ _OPTIONS = (
 )
 _COLUMNS = ("heading", "range", "time")
 _LABELS = {option.key: option.label for option in _OPTIONS}
+_CHOICES = {option.key: option.choices for option in _OPTIONS if option.choices}
 
 
 class ImportDialog(QtWidgets.QDialog):
@@ -94,7 +96,8 @@ class ImportDialog(QtWidgets.QDialog):
         self.zero.setKeyboardTracking(True)  # the preview follows every key
         self.zero.setAccessibleName(_ZERO)
         self._zero_label = PlainLabel(_ZERO)
-        self.silence = QtWidgets.QPushButton()
+        self.answers = QtWidgets.QWidget()  # buttons, each of which answers what is doubtful
+        self._answer_row = FlowLayout(self.answers, QMargins(), gap=4)
         self.decimal_comma = QtWidgets.QCheckBox("Commas are decimal commas, not between columns")
         self.note = PlainLabel(wordWrap=True)
         self.preview = text_table("line", "turntable angle", "range")
@@ -147,7 +150,7 @@ class ImportDialog(QtWidgets.QDialog):
         scroll.setWidget(self.note)
         scroll.setFocusPolicy(Qt.FocusPolicy.NoFocus)
         left.addWidget(scroll, stretch=2)
-        left.addWidget(self.silence, alignment=Qt.AlignmentFlag.AlignLeft)
+        left.addWidget(self.answers)
         left.addWidget(self.preview, stretch=3)
         self._left.setLayout(left)
         self._left.setMinimumWidth(_FORM_WIDTH)
@@ -159,7 +162,6 @@ class ImportDialog(QtWidgets.QDialog):
         page.addLayout(middle, stretch=1)
         page.addWidget(self.buttons)
         self.note.setAlignment(Qt.AlignmentFlag.AlignTop)
-        self.silence.hide()
         self.import_button.setDefault(True)
         self.preview.horizontalHeader().setSectionResizeMode(0, QtWidgets.QHeaderView.ResizeMode.Stretch)
         self.resize(*_SIZE)
@@ -180,7 +182,6 @@ class ImportDialog(QtWidgets.QDialog):
     def _connect(self) -> None:
         self.decimal_comma.toggled.connect(self._read_again)
         self.zero.valueChanged.connect(self._read_again)
-        self.silence.clicked.connect(self._take_silence)
         self.import_button.clicked.connect(lambda: self._import(find_pose=False))
         self.pose_button.clicked.connect(lambda: self._import(find_pose=True))
         self.buttons.rejected.connect(self.reject)
@@ -236,11 +237,7 @@ class ImportDialog(QtWidgets.QDialog):
         self._enable(seen)
         self._show_lines(seen)
         self._draw(seen.readings)
-        likely = seen.likely_no_echo
-        self.silence.setVisible(likely is not None)
-        if likely is not None:
-            self.silence.setText(f"{likely:g} means no echo")
-            self.silence.setToolTip("Enter this value as the range that means no echo")
+        self._offer(_answers(seen))
         self.note.setText("\n".join(_described(seen, self._shown.look.unit.text)))
         if first and seen.problem:
             self._ask(seen.problem)
@@ -264,7 +261,7 @@ class ImportDialog(QtWidgets.QDialog):
         for key in _COLUMNS:
             field = self.fields[key]
             assert isinstance(field, QtWidgets.QComboBox)
-            first = f"{recognised[key]}, recognised" if key in recognised else _RECOGNISED
+            first = f"{recognised[key]} (found)" if key in recognised else _RECOGNISED
             listed = [first, *names]
             if [field.itemText(k) for k in range(field.count())] == listed:
                 continue
@@ -283,7 +280,7 @@ class ImportDialog(QtWidgets.QDialog):
 
     def _report(self, problem: str) -> None:
         """Show what is wrong in place of the summary."""
-        self.silence.hide()
+        self._offer(())
         self._enable(None)
         self.note.setText(f"⚠ {_with_labels(problem)}")
 
@@ -317,12 +314,26 @@ class ImportDialog(QtWidgets.QDialog):
 
     # actions
 
-    @Slot()
-    def _take_silence(self) -> None:
-        field = self.fields["no_echo"]
-        if self._seen is not None and self._seen.likely_no_echo is not None and isinstance(field, QtWidgets.QLineEdit):
-            field.setText(f"{self._seen.likely_no_echo:g}")
-            field.setFocus()
+    def _offer(self, answers: Iterable[tuple[str, str]]) -> None:
+        """Show a button for each answer: the key of a field, and the value that it enters."""
+        while (item := self._answer_row.takeAt(0)) is not None:
+            item.widget().deleteLater()
+        for key, value in dict.fromkeys(answers):
+            choices = _CHOICES.get(key, {})
+            name = next((text for text, data in choices.items() if data == value), value)
+            text = f"{name} means no echo" if key == "no_echo" else f"{_LABELS[key]}: {name}"
+            button = QtWidgets.QPushButton(text, autoDefault=False)
+            button.setToolTip(f"Enter {name} as “{_LABELS[key]}”")
+            button.clicked.connect(partial(self._answer, key, value))
+            self._answer_row.addWidget(button)
+
+    def _answer(self, key: str, value: str) -> None:
+        field = self.fields[key]
+        field.setFocus()
+        if isinstance(field, QtWidgets.QLineEdit):
+            field.setText(value)
+        else:
+            field.setCurrentIndex(field.findData(value))
 
     def _import(self, find_pose: bool) -> None:
         """Import what the preview shows."""
@@ -336,6 +347,15 @@ class ImportDialog(QtWidgets.QDialog):
         super().done(result)
 
 
+def _answers(seen: LookedAt) -> Iterable[tuple[str, str]]:
+    """Yield the values that answer a problem or change an assumption: the key of a field, and the value."""
+    for text in (seen.problem, *(() if seen.scan is None else seen.scan.read_as)):
+        found = re.findall(r"\b(\w+)=(\w+)", text)
+        yield from ((key, value) for key, value in found if value in _CHOICES.get(key, {}).values())
+    if seen.likely_no_echo is not None:
+        yield "no_echo", f"{seen.likely_no_echo:g}"
+
+
 def _number(label: str, text: str) -> float:
     try:
         return float(text.replace(",", "."))
@@ -346,7 +366,9 @@ def _number(label: str, text: str) -> float:
 def _with_labels(problem: str) -> str:
     """Return a message with the names of fields in place of the keys of options."""
     keys = "|".join(_LABELS)
-    named = re.sub(rf"\b({keys})=(\w*)", lambda key: f"“{_LABELS[key[1]]}” {key[2]}".rstrip(), problem)
+    listed = "|".join(_CHOICES)
+    chosen = re.sub(rf"\badd (?=({listed})=)", "choose ", problem)
+    named = re.sub(rf"\b({keys})=(\w*)", lambda key: f"“{_LABELS[key[1]]}” {key[2]}".rstrip(), chosen)
     return re.sub(r"(“[^”]*”) (\w+) or \1", r"\1 \2 or", named)
 
 

@@ -17,12 +17,12 @@ import sonarhw_sim.board
 from PySide6.QtCore import QMimeData, QPoint, QPointF, Qt, QTimer, QUrl
 from PySide6.QtGui import QDragEnterEvent, QDropEvent, QImage
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QApplication, QComboBox, QDialogButtonBox, QLineEdit, QMessageBox
+from PySide6.QtWidgets import QApplication, QComboBox, QDialogButtonBox, QLineEdit, QMessageBox, QPushButton
 from sonarhw_cli.app import run
 from sonarhw_gui.jobs.files import DATA, PICTURES, Documents, list_recordings, save_file, write_data, write_svg
 from sonarhw_gui.jobs.jobs import Jobs
-from sonarhw_gui.model.edits import with_corner
-from sonarhw_gui.model.scene import Scene
+from sonarhw_gui.model.edits import sensor_at, with_corner
+from sonarhw_gui.model.scene import Scene, first_place
 from sonarhw_gui.model.shown import Shown
 from sonarhw_gui.session.session import WindowSession
 from sonarhw_gui.window.dialogs import RecordingsDialog
@@ -231,7 +231,8 @@ def test_a_scan_of_another_program_needs_only_enter(open_with: OpenWith, tmp_pat
     key(dialog, "Return")
     until(lambda: len(window.session.shown.readings) == 3)
     assert window.session.shown.readings[0].range == pytest.approx(0.154, abs=1e-6)
-    assert "turret.csv was imported as turret.mcap" in window.banner.message
+    assert "turret.csv was imported as turret.mcap" in window.status_bar.currentMessage()
+    assert "turret.csv" not in window.banner.message
     log = read_log(tmp_path / "recordings" / "turret.mcap")
     assert len(log.readings) == 3
     assert log.metadata.source == str(csv)
@@ -241,6 +242,17 @@ def test_a_scan_of_another_program_needs_only_enter(open_with: OpenWith, tmp_pat
     until(dialog_of(window).import_button.isEnabled)
     key(dialog_of(window), "Return")
     until(lambda: len(window.session.shown.readings) == 18)
+
+
+def test_the_warning_of_an_unknown_place_ends_when_the_sensor_is_placed(
+    open_session: OpenSession, scene: Scene, recorded: Path
+) -> None:
+    room, log = load_room("laboratory"), read_log(recorded)
+    session = open_session(scene=replace(scene, room=room, place=first_place(room)))
+    session.show_log(replace(log, metadata=replace(log.metadata, place="")), "scan.mcap")
+    assert "scan.mcap: the log contains no place" in session.notices.shown.text
+    session.showing.edit(*sensor_at(session.shown.scene, (1.3, 0.7)))
+    assert "contains no place" not in session.notices.shown.text
 
 
 def test_every_convention_of_a_table_is_chosen_with_the_keyboard(asked: Ask) -> None:
@@ -273,23 +285,30 @@ def test_every_convention_of_a_table_is_chosen_with_the_keyboard(asked: Ask) -> 
     assert not pose
 
 
+def offered(dialog: ImportDialog) -> dict[str, QPushButton]:
+    """Return the buttons that answer what is doubtful, by their texts."""
+    return {button.text(): button for button in dialog.answers.findChildren(QPushButton)}
+
+
 def test_a_frequent_range_means_no_echo_only_after_the_user_confirms_it(asked: Ask) -> None:
     dialog = asked("turret_deg,range_cm", *(f"{10 * k},{400 if k % 3 else 15.4 + k}" for k in range(12)))
-    until(dialog.silence.isVisible)
-    assert dialog.silence.text() == "400 means no echo"
+    until(lambda: "400 means no echo" in offered(dialog))
     assert preview(dialog)[2][-1] == "4.000 m"
-    push(dialog.silence)
+    push(offered(dialog)["400 means no echo"])
     until(lambda: preview(dialog)[2][-1] == "no echo")
     assert "12 readings, 8 without an echo" in dialog.note.text()
-    assert not dialog.silence.isVisible()
+    until(lambda: "400 means no echo" not in offered(dialog))
 
 
 def test_a_question_is_shown_and_its_field_has_the_focus(asked: Ask) -> None:
     dialog = asked("angle,range", *(f"{5 * k},{50 + k * 7 % 31}" for k in range(12)))
-    assert "fits centimetres and inches: add “Unit of the range” cm or in" in dialog.note.text()
+    assert "fits centimetres and inches: choose “Unit of the range” cm or in" in dialog.note.text()
     assert not dialog.import_button.isEnabled()
-    step_to(dialog.fields["unit"], "cm")
+    push(offered(dialog)["Unit of the range: cm"])
     until(dialog.import_button.isEnabled)
+    assert dialog.fields["unit"].currentText() == "cm"
+    push(offered(dialog)["Headings increase: clockwise"])
+    until(lambda: "angles grow clockwise" in dialog.note.text())
     dialog = asked(*(f"{k % 7};{20 + k * 7 % 31}" for k in range(20)), name="pattern.log")
     for field in ("heading", "range"):
         assert dialog.fields[field].isVisible()
