@@ -464,8 +464,8 @@ def _moved(x: float, y: float, matrix: Matrix) -> str:
     return f"{a * x + c * y + e:.7g},{b * x + d * y + f:.7g}"
 
 
-JSON, HTML, PNG, SVG = ".json", ".html", ".png", ".svg"
-PICTURES, DATA, REPORT = (PNG, SVG), (*export_suffixes(), JSON), (HTML,)
+JSON, HTML, PNG, SVG, PDF = ".json", ".html", ".png", ".svg", ".pdf"
+PICTURES, DATA, REPORT = (PNG, PDF, SVG), (*export_suffixes(), JSON), (HTML,)
 
 # Each writer takes what it writes and then the file, in a thread. It raises SonarError.
 
@@ -475,6 +475,11 @@ def write_png(pixels: NDArray[np.uint8], file: BinaryIO) -> None:
     from matplotlib.image import imsave  # takes half a second; only the first picture needs it
 
     imsave(file, pixels, format="png")
+
+
+def write_pdf(page: bytes, file: BinaryIO) -> None:
+    """Write a PDF as Qt has drawn it."""
+    file.write(page)
 
 
 def write_svg(svg: str, file: BinaryIO) -> None:

@@ -12,8 +12,35 @@ import pyqtgraph as pg
 from numpy.typing import NDArray
 from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent
 from PySide6 import QtWidgets
-from PySide6.QtCore import QBuffer, QEvent, QIODevice, QObject, QPoint, QPointF, QRect, QRectF, QSize, Qt, Signal, Slot
-from PySide6.QtGui import QAction, QBrush, QColor, QGuiApplication, QImage, QKeySequence, QMouseEvent, QPainter, QPen
+from PySide6.QtCore import (
+    QBuffer,
+    QEvent,
+    QIODevice,
+    QMarginsF,
+    QObject,
+    QPoint,
+    QPointF,
+    QRect,
+    QRectF,
+    QSize,
+    QSizeF,
+    Qt,
+    Signal,
+    Slot,
+)
+from PySide6.QtGui import (
+    QAction,
+    QBrush,
+    QColor,
+    QGuiApplication,
+    QImage,
+    QKeySequence,
+    QMouseEvent,
+    QPageSize,
+    QPainter,
+    QPdfWriter,
+    QPen,
+)
 from PySide6.QtSvg import QSvgGenerator
 
 from sonarhw.readings import FloatArray, angle_difference
@@ -41,6 +68,11 @@ class ViewEntry:
     menu: str = ""  # menu of its actions; the view of the same name comes first in it
     is_text: bool = False  # whether it is updated only ten times a second during a scan
     width: float = 0.54  # share of the width that a large view gets at first
+    not_drawn: tuple[str, ...] = ()  # names of the legend that a picture of the view does not explain
+
+
+NOT_IN_PLOTS = "rays", "beam", "wall", "sensor", "newest", "turntable zero", "pointer"  # but in plans
+NOT_IN_PLANS = "trace", "threshold", "blanking", "pointer"
 
 
 class Gestures(QObject):
@@ -244,18 +276,18 @@ def add_buttons(row: QtWidgets.QLayout, actions: Sequence[QAction]) -> None:
         row.addWidget(button)
 
 
-# Pictures of views with title and legend, as pixels or as SVG.
+# Pictures of views with title and legend, as pixels, SVG or PDF.
 #
 # Drawing needs the window's thread. The results are plain arrays and text, which another thread writes to files.
 
 
-_SVG_RESOLUTION = 96  # pixels per inch, the SVG standard
+_RESOLUTION, _POINTS = 96, 72  # pixels per inch, the SVG standard; points of PDF per inch
 _RATIO = 2  # picture pixels per screen pixel, for print
 
 
-def png_pixels(widget: QtWidgets.QWidget, title: str, shown: Shown) -> NDArray[np.uint8]:
+def png_pixels(widget: QtWidgets.QWidget, title: str, shown: Shown, not_drawn: Sequence[str] = ()) -> NDArray[np.uint8]:
     """Return the view with title and legend, (height, width, 4); without a title, the widget alone."""
-    with _with_legend(widget, title, shown) as parts:
+    with _with_legend(widget, title, shown, not_drawn) as parts:
         size = _size(parts) * _RATIO
         image = QImage(size, QImage.Format.Format_RGBA8888)
         image.fill(QColor(shown.look.palette.paper))
@@ -266,13 +298,29 @@ def png_pixels(widget: QtWidgets.QWidget, title: str, shown: Shown) -> NDArray[n
     return rows[:, : 4 * size.width()].reshape(size.height(), size.width(), 4).copy()
 
 
-def svg_text(widget: QtWidgets.QWidget, title: str, shown: Shown) -> str:
+def pdf_bytes(widget: QtWidgets.QWidget, title: str, shown: Shown, not_drawn: Sequence[str] = ()) -> bytes:
+    """Return the view with title and legend as a PDF of one page in its size."""
+    with _with_legend(widget, title, shown, not_drawn) as parts:
+        size, buffer = _size(parts), QBuffer()
+        buffer.open(QIODevice.OpenModeFlag.WriteOnly)
+        writer = QPdfWriter(buffer)
+        points = QSizeF(size) * (_POINTS / _RESOLUTION)
+        writer.setPageSize(QPageSize(points, QPageSize.Unit.Point, "", QPageSize.SizeMatchPolicy.ExactMatch))
+        writer.setPageMargins(QMarginsF())
+        writer.setResolution(_RESOLUTION)
+        with QPainter(writer) as painter:
+            painter.fillRect(QRect(QPoint(0, 0), size), QColor(shown.look.palette.paper))
+            _draw(painter, parts)
+    return bytes(buffer.data().data())
+
+
+def svg_text(widget: QtWidgets.QWidget, title: str, shown: Shown, not_drawn: Sequence[str] = ()) -> str:
     """Return the view with title and legend as SVG. `sonarhw_gui.jobs.files` corrects Qt's line widths in it.
 
     Qt's generator does not clip, so the content of each plot is a nested SVG element.
     """
     boxes = [box for view in _graphics_views(widget) for box in _items(view, pg.ViewBox)]
-    with _with_legend(widget, title, shown) as parts, _faded([box.childGroup for box in boxes]):
+    with _with_legend(widget, title, shown, not_drawn) as parts, _faded([box.childGroup for box in boxes]):
         size = _size(parts)
         whole = _svg(QRect(QPoint(0, 0), size), shown.look, partial(_draw, parts=parts))
     below = size.height() - widget.height()
@@ -308,7 +356,7 @@ def _svg(area: QRect, look: Look | None, draw: Callable[[QPainter], None]) -> st
     generator.setOutputDevice(buffer)
     generator.setSize(area.size())
     generator.setViewBox(area)
-    generator.setResolution(_SVG_RESOLUTION)
+    generator.setResolution(_RESOLUTION)
     with QPainter(generator) as painter:
         if look is not None:
             painter.fillRect(area, QColor(look.palette.paper))
@@ -339,9 +387,11 @@ def _faded(items: Sequence[QtWidgets.QGraphicsItem]) -> Iterator[None]:
 
 
 @contextmanager
-def _with_legend(widget: QtWidgets.QWidget, title: str, shown: Shown) -> Iterator[Sequence[QtWidgets.QWidget]]:
+def _with_legend(
+    widget: QtWidgets.QWidget, title: str, shown: Shown, not_drawn: Sequence[str]
+) -> Iterator[Sequence[QtWidgets.QWidget]]:
     """Return the parts of a picture from top to bottom; those that are not `widget` are deleted afterwards."""
-    added = _title_and_legend(title, widget.width(), shown) if title else []
+    added = _title_and_legend(title, widget.width(), shown, not_drawn) if title else []
     try:
         yield *added, widget
     finally:
@@ -349,8 +399,8 @@ def _with_legend(widget: QtWidgets.QWidget, title: str, shown: Shown) -> Iterato
             part.deleteLater()  # no parent deletes it, and its connections would keep it
 
 
-def _title_and_legend(title: str, width: int, shown: Shown) -> list[QtWidgets.QWidget]:
-    head, legend = PlainLabel(title), Legend(shown.hidden, switches=False)
+def _title_and_legend(title: str, width: int, shown: Shown, not_drawn: Sequence[str]) -> list[QtWidgets.QWidget]:
+    head, legend = PlainLabel(title), Legend(shown.hidden, switches=False, left_out=not_drawn)
     head.setContentsMargins(8, 6, 8, 2)
     legend.show_state(shown)
     legend.set_look(shown.look)

@@ -214,7 +214,13 @@ _CHOICES = (
 class BScanView(QWidget):
     """Draws the traces of all headings as images."""
 
-    entry = base.ViewEntry("B-scan", "Heading by range as an image", key="3", menu="Trace")
+    entry = base.ViewEntry(
+        "B-scan",
+        "Heading by range as an image",
+        key="3",
+        menu="Trace",
+        not_drawn=("trace", "threshold", *base.NOT_IN_PLOTS),
+    )
 
     def __init__(self) -> None:
         super().__init__()

@@ -1,7 +1,7 @@
 """The legend above the views. Marks and colours mean the same in all views; tooltips explain each entry."""
 
 from bisect import bisect_right
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -251,10 +251,15 @@ class Legend(QWidget):
 
     switched = Signal(object, bool)  # a class or layer, and whether it becomes visible
 
-    def __init__(self, hidden: frozenset[Class | ViewLayer] = frozenset(), switches: bool = True) -> None:
-        """`switches`: whether entries have an eye; a legend of a picture has none, and no entries of hidden layers."""
+    def __init__(
+        self, hidden: frozenset[Class | ViewLayer] = frozenset(), switches: bool = True, left_out: Sequence[str] = ()
+    ) -> None:
+        """`switches`: whether entries have an eye; a legend of a picture has none, and no entries of hidden layers.
+
+        `left_out`: names of entries that are not drawn in the picture.
+        """
         super().__init__()
-        self._hidden, self._switches = hidden, switches
+        self._hidden, self._switches, self._left_out = hidden, switches, left_out
         self._palette, self._origin = LIGHT, Origin.MEASURED
         self._counts: dict[Class, int] = dict.fromkeys(CLASSES, 0)  # readings
         self._outdated = False  # whether the counts belong to an older prediction
@@ -312,7 +317,10 @@ class Legend(QWidget):
             else:
                 least = _MANY if layer is Unclassed.WAITING else 0
                 used[entry] = counts[layer] > least or layer in shown.hidden
-        return {entry for entry, is_used in used.items() if not is_used}
+        never = [
+            entry for entry in (*self.entries.values(), *self.explained.values()) if entry.text() in self._left_out
+        ]
+        return {entry for entry, is_used in used.items() if not is_used} | set(never)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Choose the entries of a single line again."""

@@ -1,16 +1,17 @@
 """Marks of readings in all plots: points, notes, overlaid scans and tooltips, fast enough for 30 repaints a second."""
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 import pyqtgraph as pg
 from numpy.typing import ArrayLike, NDArray
-from pyqtgraph.graphicsItems.ScatterPlotItem import renderSymbol
+from pyqtgraph.graphicsItems.ScatterPlotItem import drawSymbol, renderSymbol
 from pyqtgraph.GraphicsScene.mouseEvents import HoverEvent
 from pyqtgraph.Qt.internals import PrimitiveArray
 from PySide6.QtCore import QPointF, QRectF, Qt
-from PySide6.QtGui import QPainter, QPainterPath, QPen, QPixmap, QPolygonF, QTransform
+from PySide6.QtGui import QPaintEngine, QPainter, QPainterPath, QPen, QPixmap, QPolygonF, QTransform
 from PySide6.QtWidgets import QStyleOptionGraphicsItem, QWidget
 
 from sonarhw.errors import heading_text
@@ -30,6 +31,7 @@ from sonarhw_gui.views.base import cosmetic_pen
 _NONE: FloatArray = np.empty(0)
 _DIAGONAL = 0.7072  # from the middle of a symbol to its corner, share of its size
 _FAR = 2.0**30  # pixels; Qt crashes beyond
+_OF_SHAPES = QPaintEngine.Type.SVG, QPaintEngine.Type.Pdf
 _FIELDS = 10  # of a pixmap fragment: x, y, source x, y, width, height, scale x, y, rotation, opacity
 _MOST_TIPS = 3
 
@@ -154,7 +156,10 @@ class Spots(_Points):
         self._restyle()
 
     def paint(self, painter: QPainter, option: QStyleOptionGraphicsItem, widget: QWidget | None) -> None:
-        """Draw the spots, at the places of the last time if nothing has moved."""
+        """Draw the spots, at the places of the last time if nothing has moved; as shapes in a file of shapes."""
+        if painter.paintEngine().type() in _OF_SHAPES:
+            self._draw_shapes(painter)
+            return
         placing, ratio = painter.transform(), 1.0 if widget is None else widget.devicePixelRatioF()
         pixels = self._pixels(ratio)
         if self._placed != (placing, ratio):
@@ -162,6 +167,15 @@ class Spots(_Points):
             self._placed = placing, ratio
         painter.resetTransform()
         painter.drawPixmapFragments(*self._fragments.drawargs(), pixels)  # type: ignore[call-arg]  # of C++
+
+    def _draw_shapes(self, painter: QPainter) -> None:
+        placing = painter.transform()
+        for x, y in zip(self._x.tolist(), self._y.tolist(), strict=True):
+            if math.isfinite(x) and math.isfinite(y):
+                painter.resetTransform()
+                painter.translate(placing.map(QPointF(x, y)))
+                drawSymbol(painter, self._symbol, self._size, self._pen, self._brush)
+        painter.setTransform(placing)
 
     def pixelPadding(self) -> float:
         """Return how far a symbol reaches from its point, pixels."""

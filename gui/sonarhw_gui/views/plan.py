@@ -335,7 +335,13 @@ def _is_another_room(before: Shown, shown: Shown) -> bool:
 class SideBySide(QtWidgets.QWidget):
     """Two plans: measured readings and predicted readings."""
 
-    entry = base.ViewEntry("Side by side", "The scan on the left, its prediction on the right", key="2", width=0.72)
+    entry = base.ViewEntry(
+        "Side by side",
+        "The scan on the left, its prediction on the right",
+        key="2",
+        width=0.72,
+        not_drawn=base.NOT_IN_PLANS,
+    )
 
     def __init__(self) -> None:
         super().__init__()
@@ -477,7 +483,7 @@ _TURNS = {"left": ("Shift+PgUp", 1), "right": ("Shift+PgDown", -1)}
 class PlanView(QtWidgets.QWidget):
     """The plan with a column of tools beside it."""
 
-    entry = base.ViewEntry("Plan", "The room to scale", key="1", menu="Plan")
+    entry = base.ViewEntry("Plan", "The room to scale", key="1", menu="Plan", not_drawn=base.NOT_IN_PLANS)
 
     def __init__(self) -> None:
         super().__init__()

@@ -65,7 +65,9 @@ _ANY_DISTANCE = 1e6  # pixels: a click anywhere selects the nearest point
 class RangeView(base.Canvas):
     """Draws ranges and residuals over heading."""
 
-    entry = base.ViewEntry("Ranges", picture_key="Ctrl+Alt+R")
+    entry = base.ViewEntry(
+        "Ranges", picture_key="Ctrl+Alt+R", not_drawn=("trace", "threshold", "blanking", *base.NOT_IN_PLOTS)
+    )
 
     def __init__(self) -> None:
         self.ranges, self.residuals = base.new_plot(), base.new_plot()

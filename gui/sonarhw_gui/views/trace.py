@@ -387,7 +387,7 @@ _STEPS = 200  # key presses that move a cursor across the view
 class TraceView(QWidget):
     """Draws the trace of the selected reading."""
 
-    entry = base.ViewEntry("Trace", picture_key="Ctrl+Alt+T", menu="Trace")
+    entry = base.ViewEntry("Trace", picture_key="Ctrl+Alt+T", menu="Trace", not_drawn=("selected", *base.NOT_IN_PLOTS))
 
     def __init__(self) -> None:
         super().__init__()

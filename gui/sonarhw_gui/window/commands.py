@@ -168,7 +168,9 @@ _MENUS: dict[str, Sequence[WindowCommand | str]] = {
             _has_readings,
         ),
         _LINE,
-        WindowCommand("saving.save_view", "Picture of the large view…", "Ctrl+P", "Save the large view as PNG or SVG"),
+        WindowCommand(
+            "saving.save_view", "Picture of the large view…", "Ctrl+P", "Save the large view as PNG, PDF or SVG"
+        ),
         "pictures of small views",
         WindowCommand("saving.copy_view", "Copy picture", "Ctrl+Shift+C", "Copy the large view as a picture"),
         WindowCommand("slots.print_view", "Print…", "Ctrl+Alt+Shift+P", "Print the large view, after a preview"),
@@ -375,7 +377,7 @@ def _with_views(entry: WindowCommand | str, views: Sequence[ViewEntry]) -> Itera
     elif entry == "pictures of small views":
         for view in (view for view in views if view.picture_key):
             name = view.name.lower()
-            tip = f"Save the {name} as PNG or SVG"
+            tip = f"Save the {name} as PNG, PDF or SVG"
             yield WindowCommand(
                 "saving.save_small", f"Picture of the {name}…", view.picture_key, tip, argument=view.name
             )

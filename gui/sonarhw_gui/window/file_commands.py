@@ -21,7 +21,7 @@ from sonarhw_gui.session.scanner import name_part
 from sonarhw_gui.session.session import WindowSession
 from sonarhw_gui.session.source import Replay
 from sonarhw_gui.session.status import link_figures
-from sonarhw_gui.views.base import View, png_pixels, svg_text
+from sonarhw_gui.views.base import View, ViewEntry, pdf_bytes, png_pixels, svg_text
 from sonarhw_gui.views.plan import PlanDrawing
 from sonarhw_gui.widgets import plain_tip, show_alone
 from sonarhw_gui.window.bars import PICTURE
@@ -226,6 +226,7 @@ def _paths(dropped: QMimeData) -> list[Path]:
 
 _FILTERS = {
     files.PNG: "Picture (*.png)",
+    files.PDF: "Page (*.pdf)",
     files.SVG: "Vector graphics (*.svg)",
     **{format_.suffix: f"{format_.title} (*{format_.suffix})" for format_ in FORMATS},
     files.JSON: "Summary of the comparison (*.json)",
@@ -266,18 +267,18 @@ class SaveCommands(QObject):
         widget = view.picture()
         if widget is None:
             return None
-        pixels = png_pixels(widget, f"{shown.scene.title} · {view.entry.name.lower()}", shown)
+        pixels = png_pixels(widget, f"{shown.scene.title} · {view.entry.name.lower()}", shown, view.entry.not_drawn)
         height, width = pixels.shape[:2]
         image = QImage(pixels.data, width, height, 4 * width, QImage.Format.Format_RGBA8888)
         return image.copy()  # the pixels belong to the array
 
     def _save_picture(self, view: View) -> None:
-        self._ask(view.entry.name, files.PICTURES, partial(self._picture, view.entry.name, view.picture()))
+        self._ask(view.entry.name, files.PICTURES, partial(self._picture, view.entry, view.picture()))
 
     @Slot()
     def save_window(self) -> None:
         """Save a picture of the window."""
-        self._ask("Window", (files.PNG,), partial(self._picture, "Window", self._window))
+        self._ask("Window", (files.PNG,), partial(self._picture, ViewEntry("Window"), self._window))
 
     @Slot()
     def save_film(self) -> None:
@@ -329,14 +330,17 @@ class SaveCommands(QObject):
         if write is not None:
             self._session.save(write, endings, path, overwrite=True)
 
-    def _picture(self, name: str, view: QWidget | None, ending: str) -> _Writer | None:
+    def _picture(self, entry: ViewEntry, view: QWidget | None, ending: str) -> _Writer | None:
         if view is None:
             return None
         shown = self._session.shown
-        title = "" if view is self._window else f"{shown.scene.title} · {name.lower()}"
+        title = "" if view is self._window else f"{shown.scene.title} · {entry.name.lower()}"
+        drawn = view, title, shown, entry.not_drawn
         if ending == files.SVG:
-            return partial(files.write_svg, svg_text(view, title, shown))
-        return partial(files.write_png, png_pixels(view, title, shown))
+            return partial(files.write_svg, svg_text(*drawn))
+        if ending == files.PDF:
+            return partial(files.write_pdf, pdf_bytes(*drawn))
+        return partial(files.write_png, png_pixels(*drawn))
 
     def _data(self, ending: str) -> _Writer | None:
         session, recorded = self._session, self._session.source.recorded

@@ -506,9 +506,13 @@ def save(window: MainWindow, path: Path, shortcut: str) -> None:
     until(lambda: not window.session.jobs.busy("save files"))
 
 
-def test_views_and_the_window_are_saved_as_png_and_as_svg(window: MainWindow, tmp_path: Path) -> None:
+def test_views_and_the_window_are_saved_as_png_pdf_and_svg(window: MainWindow, tmp_path: Path) -> None:
     measured = window.session.shown.look.palette.measured.lower()
-    for shortcut, view in (("Ctrl+P", "plan"), ("Ctrl+Alt+T", "trace"), ("Ctrl+Alt+R", "ranges")):
+    for shortcut, view, drawn in (
+        ("Ctrl+P", "plan", (False, True, False)),
+        ("Ctrl+Alt+T", "trace", (True, False, False)),
+        ("Ctrl+Alt+R", "ranges", (False, False, False)),
+    ):
         save(window, tmp_path / f"{view}.png", shortcut)
         image, shown = QImage(str(tmp_path / f"{view}.png")), getattr(window.views, view).picture()
         assert image.width() == 2 * shown.width()
@@ -520,6 +524,12 @@ def test_views_and_the_window_are_saved_as_png_and_as_svg(window: MainWindow, tm
         assert svg.tag.endswith("svg")
         assert any("Simple room · place figure9" in (element.text or "") for element in svg.iter())
         assert window.status_bar.currentMessage() == f"saved: {tmp_path / f'{view}.svg'}"
+        explained = " ".join(filter(None, (element.text for element in svg.iter())))
+        assert ("threshold" in explained, "turntable zero" in explained, "pointer" in explained) == drawn
+        save(window, tmp_path / f"{view}.pdf", shortcut)
+        page = (tmp_path / f"{view}.pdf").read_bytes()
+        ((width, height),) = re.findall(rb"/MediaBox \[0 0 ([\d.]+) ([\d.]+)\]", page)  # one page
+        assert float(width) / float(height) == pytest.approx(image.width() / image.height(), rel=0.01)
     save(window, tmp_path / "window.png", "Ctrl+Shift+P")
     image = QImage(str(tmp_path / "window.png"))
     assert (image.width(), image.height()) == (2 * window.width(), 2 * window.height())
@@ -532,6 +542,7 @@ def test_views_and_the_window_are_saved_as_png_and_as_svg(window: MainWindow, tm
     assert 0 < len([element for element in inside.iter() if element in paths]) < len(paths)
     assert window.views.plan.drawing.plot.vb.childGroup.opacity() == 1.0
     assert "vector-effect" not in (tmp_path / "plan.svg").read_text()
+    assert not [element for element in inside.iter() if element.tag.endswith("image")]  # marks are shapes
 
     before = window.views.stage.width()
     key(window, "2")
