@@ -11,18 +11,16 @@ SHELL := /bin/bash
 .SHELLFLAGS := -o pipefail -c
 # some container images set it: then each process of the tests compiles all modules again
 unexport PYTHONDONTWRITEBYTECODE
-# -u: lines arrive when pip prints them
-# --no-compile: pip compiles all modules of every package, in half of its time, and most are never imported
-PIP_INSTALL := $(BIN)/python -u -m pip install --no-compile --no-build-isolation --no-deps
-# versions and hashes are locked; packages build with the locked setuptools.
-# --no-deps: a lock is complete, and pip can take a newer version for a requirement with extras such as coverage[toml];
-# prints a line for every sixth package instead of the bars of pip
-locked = $(PIP_INSTALL) --progress-bar off --require-hashes $(patsubst %,--requirement requirements/%.txt,$(1)) | \
-	{ all=$$(cat $(patsubst %,requirements/%.txt,$(1)) | grep -c '^[^ \#]*=='); n=0; \
-	while read -r word _; do case $$word in \
-		Collecting|Processing|Ignoring) if ! ((++n % 6)); then echo "  $$n of $$all packages"; fi ;; \
-		Installing) echo "  installing them" ;; \
-	esac; done; }
+# pip uses the index of its settings and the certificates of the system; uv has to be told both
+export UV_SYSTEM_CERTS := 1
+FROM_INDEX = index=$${PIP_INDEX_URL:-$$($(BIN)/pip config get global.index-url 2>/dev/null)}; \
+	[ -z "$$index" ] || export UV_DEFAULT_INDEX="$$index";
+# versions and hashes are locked, and packages build with the locked setuptools. A lock is complete, so nothing else is
+# installed. uv needs a fifth of pip's processor time; pip installs the same files where uv fails, as behind some proxies
+install = $(FROM_INDEX) $(BIN)/uv pip install --python $(BIN)/python --no-build-isolation --no-deps $(1) || \
+	{ echo "uv cannot install here; pip installs the same packages, which takes longer" >&2; \
+	$(BIN)/pip install --no-compile --no-build-isolation --no-deps --progress-bar off $(1); }
+locked = $(call install,--require-hashes $(patsubst %,--requirement requirements/%.txt,$(1)))
 # many tests wait, so more files run in parallel than there are cores; small files of unit tests are last
 AT_ONCE := --dist loadfile --no-loadscope-reorder --max-worker-restart 0
 # of window tests, files with more tests come first, so that both processes end at about the same time
@@ -48,13 +46,14 @@ setup: $(VENV)/installed $(VENV)/compiled
 
 tools: $(VENV)/tools $(VENV)/compiled
 
-$(VENV)/installed: pyproject.toml setup.py requirements/build.txt requirements/base.txt requirements/gui.txt setup/debian_packages.sh
+$(VENV)/installed: pyproject.toml setup.py requirements/install.txt requirements/build.txt requirements/base.txt requirements/gui.txt setup/debian_packages.sh
 	setup/debian_packages.sh demo
 	@echo "Installing Python packages (0.9 GB) into $(VENV)"
 	$(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install --quiet --no-compile --no-deps --require-hashes --requirement requirements/install.txt
 	@$(call locked,build)
 	@$(call locked,base gui)
-	$(PIP_INSTALL) --quiet --editable .
+	@$(call install,--quiet --editable .)
 	touch $@
 
 # apart, so that `make test` compiles while it installs the tools

@@ -28,6 +28,7 @@ PROJECT = tomllib.loads((CHECKOUT / "pyproject.toml").read_text(encoding="utf-8"
 
 # The extras, and the files that each is installed with. Packages of those files are not repeated.
 EXTRAS = {
+    "install": ("base",),
     "gui": ("base",),
     "study": ("base",),
     "foxglove": ("base",),
