@@ -43,6 +43,7 @@ FINE = np.arange(0.0, 360.0, 2.0)
 NOISY = np.where(
     np.arange(len(FINE)) % 3, box(FINE), box(FINE) * np.random.default_rng(2).uniform(0.3, 0.85, len(FINE))
 )
+REFLECTED = np.where(np.arange(len(FINE)) % 3, 1.0, 1.6) * box(FINE)
 ALIKE = np.round(np.where(HEADINGS % 180 < 20, 1.2, ROOM), 2)
 MANY = [reading for sweep in range(6) for reading in scan(HEADINGS, ALIKE, sweep)]
 SIDE = np.arange(0.0, 180.0, 6.0)  # a sweep of a servo
@@ -71,6 +72,7 @@ BACK = scan(SIDE, box(SIDE)) + scan(SIDE, box(SIDE)[::-1], sweep=1)
         (MANY, []),  # a wall in each of several sweeps
         (scan(FINE, NOISY), ["scattered"]),
         (scan(FINE, box(FINE)), []),
+        (scan(FINE, REFLECTED), []),
         (scan(HEADINGS, np.where(THIRD, 4.0, ROOM)), ["largest range"]),
         (scan(HEADINGS, np.where(THIRD, 0.0, ROOM)), ["largest range"]),
         (HOLES, ["largest range"]),
