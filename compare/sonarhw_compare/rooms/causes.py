@@ -32,6 +32,7 @@ from sonarhw_compare.rooms.evidence import (
     PRICE,
     PRICE_OF_NUMBER,
     Scored,
+    SearchProgress,
     all_scored,
     evidence_of,
     scored,
@@ -159,6 +160,7 @@ def _point(position: Point) -> str:
 
 
 _MOST = 6  # causes
+_PREPARED, _LEFT = 0.05, 0.4  # shares of the progress: before the first search, and left after each
 _EDGES = 4  # points at which a wall may end that are tried
 _DIRECTIONS = tuple(np.radians(np.arange(0.0, 360.0, 11.25)).tolist())  # rad, of a wall from an edge
 _LENGTHS = (0.15, 0.4)  # m, likewise
@@ -274,15 +276,17 @@ def find_causes(
         raise InputError(f"board {board.name!r} is a ring of sensors; the search for causes needs a turntable")
     if all(reading.range is None for reading in readings):
         raise InputError("no reading has an echo; nothing shows what is missing in the room")
-    search = _Search(tuple(readings), room, place, board)
+    progress = SearchProgress(tick)
+    progress.begin(_PREPARED)
+    search = _Search(tuple(readings), room, place, board, progress)
 
     def longer(changes: tuple[Change, ...]) -> tuple[Change, ...] | None:
+        progress.begin(1 - _LEFT ** (len(changes) + 1))
         change = None if len(changes) == _MOST else search.best_change(_with_all(room, changes))
         return None if change is None else (*changes, change)
 
-    tick(0.0)
     none: tuple[Change, ...] = ()
-    changes = edited(none, longer, lambda accepted: tick(len(accepted) / (_MOST + 1)))
+    changes = edited(none, longer, lambda _accepted: None)
     causes = search.judged(changes)
     tick(1.0)
     return causes
@@ -291,10 +295,14 @@ def find_causes(
 class _Search:
     """Readings at one place of a room, and the noise that explains them best in the given room."""
 
-    def __init__(self, readings: tuple[Reading, ...], room: Room, place: Place, board: Board) -> None:
+    def __init__(
+        self, readings: tuple[Reading, ...], room: Room, place: Place, board: Board, progress: SearchProgress
+    ) -> None:
         self._readings, self._room, self._place, self._board = readings, room, place, board
         scan = PlacedScan(readings, place)
-        self._evidence = evidence_of([scan], [PoseSpread()], board, room.air, prediction=FOLLOWED_ALL)
+        self._evidence = evidence_of(
+            [scan], [PoseSpread()], board, room.air, prediction=FOLLOWED_ALL, progress=progress
+        )
         # an object before a wall changes the first echo, while later ones are still explained
         self._first_echoes = self._evidence.of_first_echoes() or self._evidence
         self._arcs = arcs_of(self._evidence.scans, board, POSSIBLE)

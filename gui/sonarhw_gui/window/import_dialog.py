@@ -319,8 +319,7 @@ class ImportDialog(QtWidgets.QDialog):
         while (item := self._answer_row.takeAt(0)) is not None:
             item.widget().deleteLater()
         for key, value in dict.fromkeys(answers):
-            choices = _CHOICES.get(key, {})
-            name = next((text for text, data in choices.items() if data == value), value)
+            name = _name_of(key, value)
             text = f"{name} means no echo" if key == "no_echo" else f"{_LABELS[key]}: {name}"
             button = QtWidgets.QPushButton(text, autoDefault=False)
             button.setToolTip(f"Enter {name} as “{_LABELS[key]}”")
@@ -368,8 +367,13 @@ def _with_labels(problem: str) -> str:
     keys = "|".join(_LABELS)
     listed = "|".join(_CHOICES)
     chosen = re.sub(rf"\badd (?=({listed})=)", "choose ", problem)
-    named = re.sub(rf"\b({keys})=(\w*)", lambda key: f"“{_LABELS[key[1]]}” {key[2]}".rstrip(), chosen)
-    return re.sub(r"(“[^”]*”) (\w+) or \1", r"\1 \2 or", named)
+    named = re.sub(rf"\b({keys})=(\w*)", lambda key: f"“{_LABELS[key[1]]}” {_name_of(key[1], key[2])}".rstrip(), chosen)
+    return re.sub(r"(“[^”]*”) ([\w-]+) or \1", r"\1 \2 or", named)
+
+
+def _name_of(key: str, value: str) -> str:
+    """Return the text of a value in the list of a field; other values as they are."""
+    return next((text for text, data in _CHOICES.get(key, {}).items() if value and data == value), value)
 
 
 def _described(seen: LookedAt, length: Callable[[float], str]) -> Iterable[str]:

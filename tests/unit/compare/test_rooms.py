@@ -65,7 +65,11 @@ Change = NewPost | NewWall | MovedWall | OtherReflectance
 )
 def test_what_differs_in_the_room_is_found(true: Change | None, text: str) -> None:
     room = GIVEN if true is None else true.applied(GIVEN)
-    found = find_causes(predicted_readings(room, HERE, BOARD, noise=0.01), GIVEN, HERE, BOARD)
+    shares: list[float] = []
+    found = find_causes(predicted_readings(room, HERE, BOARD, noise=0.01), GIVEN, HERE, BOARD, shares.append)
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+    assert len([share for share in shares if 0.05 < share < 0.6]) > 10  # it moves during the first search, too
     if true is None:
         assert (found.causes, found.room) == ((), GIVEN)
         return
