@@ -72,12 +72,16 @@ def _values(url: str, query: str) -> dict[str, str]:
     if not query and (key := re.search(rf"[,;&]({'|'.join(_KEYS)})=", url)):
         meant = url.replace(key[0], f"?{key[0][1:]}", 1)
         raise InputError(f"{url}: write ? before the first key; did you mean '{meant}'?")
+    if not query and (rate := re.search(r"[,;:@ ](\d{4,6})$", url)):
+        meant = f"{url[: rate.start()]}?baud={rate[1]}&preset=NAME"
+        raise InputError(f"{url}: expected the baud rate as a key; did you mean '{meant}'?")
     if "&" not in query and re.search(rf"[,;]({'|'.join(_KEYS)})=", query):
         raise InputError(f"{url}: expected & between two keys, such as baud=9600&preset=csv")
     pairs = [part.partition("=") for part in query.split("&") if part]
     values = {unquote(key): unquote(value) for key, _, value in pairs}
     if unknown := sorted(set(values) - set(_KEYS)):
-        raise InputError(f"{url}: unknown key {', '.join(unknown)}; known: {', '.join(_KEYS)}")
+        meant = next((f"; did you mean {key}?" for key in _KEYS if unknown[0].startswith(key)), ";")
+        raise InputError(f"{url}: unknown key {', '.join(unknown)}{meant} known: {', '.join(_KEYS)}")
     if len(values) < len(pairs):
         raise InputError(f"{url}: a key occurs twice; give each key once")
     return values

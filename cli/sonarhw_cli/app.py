@@ -13,7 +13,7 @@ import shlex
 import sys
 import warnings
 from collections.abc import Callable, Sequence
-from itertools import islice
+from itertools import islice, pairwise
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, TextIO
 
@@ -51,7 +51,8 @@ def _reworded(error: typer.TyperException) -> str:
     choice = re.fullmatch(r"Invalid value for '([^']+)': '(.*)' is not one of '(.*)'\.", message, re.DOTALL)
     if choice is not None:
         *others, last = choice[3].split("', '")
-        return f"{choice[1]} {choice[2]}: expected {', '.join(others)} or {last}"
+        several = "; give the option once for each" if {*choice[2].split(",")} <= {*others, last} else ""
+        return f"{choice[1]} {choice[2]}: expected {', '.join(others)} or {last}{several}"
     rejected = re.match(r"Invalid value for '([^']+)': (expected .*)", message)
     if rejected is None or not isinstance(error.__cause__, ValidationError):
         return message
@@ -141,6 +142,7 @@ _OTHER_OPTIONS = (
         "address com device p port serial tty url usb",
         "PORT",
     ),
+    _Instead("the firmware is included", "file firmware hex image sketch", option="--ranging"),
     _Instead("the controller is --controller, such as --controller uno", "arduino board fqbn mcu target"),
     _Instead("its address is --tcp HOST:PORT", "address host listen p port url"),
     _Instead(
@@ -221,16 +223,17 @@ _OTHER_OPTIONS = (
     _Instead("processes are --workers N", "cores j jobs n-jobs processes threads"),
     _Instead("an existing file is replaced with --force", "f overwrite replace y yes"),
     _Instead("`sonarhw gui` opens it in the window", "display show view", "LOG"),
-    _Instead("a picture is --plot FILE.png", "display draw figure image o out output picture png save-plot show"),
+    _Instead("a picture is --plot FILE.png", "display draw figure image o out output picture save-plot show"),
     _Instead(
         "the ending of --out chooses what is written",
-        "csv display figure format html image npz pdf picture plot png show svg",
+        "display figure format image picture plot show",
     ),
     _Instead("the name of the file stands without an option before it", f"o out output save to {_READ}", "NAME.TOML"),
     _Instead("the name of the file stands without an option before it", _READ, "LOG"),
     _Instead("the name of the file stands without an option before it", _READ, "FILE"),
     _Instead("the file to write is --out", "file filename log o save save-as to write"),
 )
+_FORMATS = ["csv", "gif", "html", "mp4", "npz", "pdf", "png", "svg"]
 _SHORTENED = 3  # letters of a command at least, such as `sim`
 _ALIKE = 0.75  # similarity of an option that is proposed; below, it is another word
 _MOST_FILES = 1000  # of a folder that are compared with a name
@@ -242,6 +245,17 @@ _GLOBAL = {
     "silent": "--quiet",
     "v": "--verbose",
     "verbose": "--verbose",
+}
+# what a word without a command is given to, by its kind
+_FIRST_COMMANDS = {
+    "log": "gui {}",
+    "room": "room check {}",
+    "shipped room": "simulate {}",
+    "board": "profile check {}",
+    "study": "study {}",
+    "drawing": "room import {}",
+    "scan": "import {} --out LOG.mcap",
+    "URL": "scan {} --out LOG.mcap",
 }
 _OF_A_FILE = {"log": "info", "profile": "check", "room": "check"}  # the command of a group that describes a file
 _UNIT = re.compile(r"(degrees|metres|seconds|Hz|°C)\b")
@@ -263,7 +277,12 @@ def _with_help(message: str, error: typer.TyperException, arguments: Sequence[st
         return _about_extra(message.rstrip("."), context, arguments)
     if message.startswith("Missing ") or getattr(getattr(error, "param", None), "param_type_name", "") == "argument":
         hint = "; `sonarhw ports` lists the scanners" if message.startswith("Missing argument 'URL'") else ""
-        if any(re.search(r":.+\?\w+=", argument) for argument in arguments):
+        value = message.partition(" ")[2].partition(": expected")[0]
+        if options.kind_of(value) == "URL":
+            hint = "; write them in this order"
+        elif value.startswith("--"):
+            hint = "; arguments stand without an option before them"
+        elif message.startswith("Missing ") and any(re.search(r":.+\?\w+=", argument) for argument in arguments):
             hint = "; write the URL in quotes, because the shell reads & as the end of the command"
         return f"{message.rstrip('.')}; expected `{_usage(context)}`{hint}; see `{context.command_path} --help`"
     hidden = [name for name, command in getattr(context.command, "commands", {}).items() if command.hidden]
@@ -286,28 +305,96 @@ def _about_option(message: str, context: typer.Context, arguments: Sequence[str]
     if word in _GLOBAL and context.parent is not None:
         name = context.command_path.partition(" ")[2]
         return f"{message}; it stands before the command: `sonarhw {_GLOBAL[word]} {name}`"
+    if same := next((name for name in names if name.casefold() == option.casefold()), ""):
+        return f"{message}; did you mean `{same}`?"
+    see = f"; see `{context.command_path} --help`"
+    value = next((value for given, value in pairwise(arguments) if given == option), "")
+    if f"--{value}" in names:
+        return f"{message}; did you mean `--{value}`?"
+    if written_as := _about_format(word, context):
+        return f"{message}; {written_as}{see}"
     if not written and f"--{word}" not in names:
         parts = [part for part in reversed(re.split("[-_]", word)) if len(part) > 1]
         known = next((f"--{part}" for part in parts if f"--{part}" in names), "")
         if known and not _instead(word, context):
             return f"{message}; did you mean `{known}`?"
         if instead := next(filter(None, (_instead(part, context) for part in (word, *parts))), ""):
-            return f"{message}; {instead}; see `{context.command_path} --help`"
+            return f"{message}; {instead}{see}"
     longer = [name for name in names if len(word) > 2 and name.startswith(option)]
     longer = longer or [name for name in names if len(word) == 1 and name.startswith(f"-{option}")][:_MOST_LISTED]
-    if similar := written or longer or difflib.get_close_matches(option, names, cutoff=_ALIKE):
+    others = {path: p.help for path, command in _all_commands(context) for p in command.params if option in p.opts}
+    if similar := written or longer or ([] if others else difflib.get_close_matches(option, names, cutoff=_ALIKE)):
         return f"{message}; did you mean {' or '.join(f'`{name}`' for name in similar)}?"
     if word in getattr(context.find_root().command, "commands", {}):
         return f"{message}; `sonarhw {word}` is a command of its own"
     later = next((name for name in arguments if name in getattr(context.command, "commands", {})), "")
     if later:
         return f"{message}; options of a command stand behind it: `sonarhw {later} ... {option}`"
-    if others := [path for path, command in _all_commands(context) if any(option in p.opts for p in command.params)]:
-        having = "`, `".join(others[:3])
-        return f"{message}; it is an option of `{having}`; see `{context.command_path} --help`"
+    if missing := _missing_argument(context, arguments):
+        return f"{message}; expected `{_usage(context)}`, where {missing} stands without an option before it{see}"
+    if others:
+        does = (next(iter(others.values())) or "").partition(". ")[0].rstrip(".")
+        return f"{message}; it is an option of `{'`, `'.join(islice(others, 3))}`: {does}{see}"
     if 0 < len(names) <= _MOST_LISTED:
         return f"{message}; its options: {', '.join(names)}"
-    return f"{message}; see `{context.command_path} --help`"
+    return f"{message}{_about_word(word, parameters, context)}{see}"
+
+
+def _missing_argument(context: typer.Context, arguments: Sequence[str]) -> str:
+    """Return the required argument of a command that is run with options alone, or an empty text."""
+    words = [*context.command_path.split()[-1:], *arguments[len(context.command_path.split()) - 1 :]]
+    flags = {name for p in context.command.params if getattr(p, "is_flag", False) for name in p.opts}
+    given = [word for before, word in pairwise(words) if word[:1] != "-" and (before[:1] != "-" or before in flags)]
+    required = next((p.metavar for p in context.command.params if p.param_type_name == "argument" and p.required), None)
+    return "" if given or required is None else required
+
+
+def _about_word(word: str, parameters: Sequence[Any], context: typer.Context) -> str:
+    """Return options whose help contains a word, or the most similar option of another command, after a semicolon."""
+    stem = word.partition("-")[0].removesuffix("s")
+    if len(stem) > _SHORTENED:
+        having = [p for p in parameters if re.search(rf"(?i)\b{re.escape(stem)}", p.help or "")][:2]
+        if having:
+            return f"; options about {stem}: {', '.join(f'`{_written_option(p, context)}`' for p in having)}"
+    by_option = {o: path for path, command in _all_commands(context) for p in command.params for o in p.opts}
+    near = difflib.get_close_matches(f"--{word}", by_option, n=1, cutoff=_ALIKE)
+    return f"; `{near[0]}` is an option of `{by_option[near[0]]}`" if near else ""
+
+
+def _about_format(word: str, context: typer.Context) -> str:
+    """Return how a format of files is written: by an option of this command, or else of others on the same input."""
+    if word not in _FORMATS:
+        return ""
+    if here := _writers(word, context.command, context):
+        return f"{word.upper()} is written with `{here[0]}`"
+    writes = next((_written_option(p, context) for p in context.command.params if "--out" in p.opts), "")
+    return "; ".join(
+        filter(None, (f"this command writes `{writes}`" if writes else "", _written_elsewhere(word, context)))
+    )
+
+
+def _written_elsewhere(word: str, context: typer.Context) -> str:
+    """Return what else writes a format of files: a browser, or other commands on the same input."""
+    if word == "pdf" and _writers("html", context.command, context):
+        return "a browser prints HTML as PDF"
+    argument = next((p.metavar for p in context.command.params if p.param_type_name == "argument"), None)
+    same = [(path, c) for path, c in _all_commands(context) if any(argument == p.metavar for p in c.params[:1])]
+    others = [f"`{path} {argument} {option}`" for path, c in same for option in _writers(word, c, context)[:1]]
+    if not argument or not others or _writers(word, context.command, context):
+        return ""
+    return f"{word.upper()} is written by {' or '.join(dict.fromkeys((others[0], others[-1])))}"
+
+
+def _writers(word: str, command: Any, context: typer.Context) -> list[str]:
+    """Return the options of a command that write a format of files, as `--out FILE.csv`."""
+    found = []
+    for parameter in command.params:
+        option = _written_option(parameter, context) if set(parameter.opts) & {"--out", "--plot"} else ""
+        name = option.partition(" ")[0]
+        about = f"{option} {parameter.help} {command.help if name == '--out' and ' FILE' in option else ''}"
+        if option and re.search(rf"[|.]{word}\b", about):
+            found.append(f"{name} FILE.{word}")
+    return found
 
 
 def _instead(word: str, context: typer.Context) -> str:
@@ -377,16 +464,9 @@ def _commands_by_word() -> dict[str, str]:
 
 def _command_for(word: str) -> str:
     """Return the command for a file, a scanner or a room that is given without one; empty for other words."""
-    kind = Path(word).suffix
-    if kind == ".mcap":
-        return f"gui {word}"
-    if kind == ".toml":
-        return f"room check {word}"
-    if os.path.isfile(word):
-        return f"import {word} --out LOG.mcap"
-    if re.match(r"/dev/|COM\d|[a-z0-9]+:", word):
-        return f"scan {word} --out LOG.mcap"
-    return f"simulate {word}" if _is_room(word) else ""
+    guessed = "room" if word.endswith(".toml") else "URL" if re.match("[a-z0-9]+:", word) else ""
+    kind = options.kind_of(word) or guessed
+    return _FIRST_COMMANDS.get(kind, "").format(word)
 
 
 def _meant_in_group(
@@ -425,11 +505,17 @@ def _written_option(option: Any, context: typer.Context) -> str:
 
 def _written_of(name: str, arguments: Sequence[str]) -> str:
     """Return an option of the command that is run with its value. The parser's error does not contain the command."""
-    command: Any = typer.main.get_command(app)
+    context = _context_of(arguments)
+    return next((_written_option(option, context) for option in context.command.params if name in option.opts), name)
+
+
+def _context_of(arguments: Sequence[str]) -> typer.Context:
+    """Return the context of the command in the arguments, without its values."""
+    context = typer.Context(typer.main.get_command(app), info_name="sonarhw")
     for argument in arguments:
-        command = getattr(command, "commands", {}).get(argument, command)
-    context = typer.Context(command)
-    return next((_written_option(option, context) for option in command.params if name in option.opts), name)
+        if command := getattr(context.command, "commands", {}).get(argument):
+            context = typer.Context(command, info_name=argument, parent=context)
+    return context
 
 
 def _about_extra(message: str, context: typer.Context, arguments: Sequence[str]) -> str:
@@ -440,8 +526,6 @@ def _about_extra(message: str, context: typer.Context, arguments: Sequence[str])
     is_size = is_number or re.fullmatch(r"[x×*]|by|[\d.]+(m|cm|mm)", extra) is not None
     before = arguments[arguments.index(extra) - 1] if extra in arguments else ""
     known = f"{message}; expected `{_usage(context)}`; see `{context.command_path} --help`"
-    if any(before in parameter.opts and getattr(parameter, "is_flag", False) for parameter in context.command.params):
-        return f"{known}; {before} takes no value"
     if re.fullmatch(r"\d{4,}", extra) and (rate := _instead("baud", context)):
         return f"{known}; {rate}"
     if extra in ("from", "to", "step", "by") and "--step" in names:
@@ -452,15 +536,32 @@ def _about_extra(message: str, context: typer.Context, arguments: Sequence[str])
         return f"{message}; did you mean `sonarhw {listed}`?"
     if before.endswith(",") or (is_number and re.fullmatch(r"-?[\d.,]+", before)):
         return f"{known}; write X,Y without a space"
-    room = next((name for name in arguments if _is_room(name)), "")
-    if room and "--room" in names and "--room" not in arguments:
-        return f"{known}; give the room with `--room {room}`"
+    accepted = [p for p in context.command.params if p.param_type_name == "argument"]
+    extras = f" {message.rpartition('(')[2].removesuffix(')')} "
+    words = [str(context.params[p.name]) for p in accepted if context.params.get(p.name)]
+    words += [word for word in arguments if f" {word} " in extras]
+    kinds = options.expected_of(accepted[0], context.command)[0] if accepted else ""
+    same = [word for word in words if (kind := options.kind_of(word)) and kind in kinds.split("|")]
+    flags = {name for p in context.command.params if getattr(p, "is_flag", False) for name in p.opts}
+    if flag := next((flag for flag, word in pairwise(arguments) if flag in flags and word in {*words} - {*same}), ""):
+        return f"{known}; {flag} takes no value"
+    if "compare" in arguments and len(same) == 2 == len(words):
+        return f"{known}; to compare two logs, use `sonarhw compare A.mcap --with B.mcap`"
+    if accepted and len(same) == len(words):
+        several = "; `sonarhw fit` and `sonarhw map` take several" if accepted[0].metavar == "LOG" else ""
+        return f"{known}; it takes one {accepted[0].metavar}: run it once for each{several}"
+    if taking := next(filter(None, (options.option_taking(word, context) for word in words if word not in same)), ""):
+        return f"{known}; give it with `{taking}`"
     if "LOG" in _usage(context) and Path(extra).suffix != ".mcap" and os.path.isfile(extra):
         return f"{known}; `sonarhw import {extra} --out LOG.mcap` converts a scan of another program"
-    if "compare" in arguments and extra.endswith(".mcap"):
-        return f"{known}; to compare two logs, use `sonarhw compare A.mcap --with B.mcap`"
-    if "--place" in names and "--place" not in arguments and re.fullmatch(r"[a-z]\w*|-?[\d.]+(,-?[\d.]+){1,2}", extra):
-        return f"{known}; give a place with `--place {extra}`"
+    numbers = [
+        option for p in context.command.params if re.search(" (INTEGER|NUMBER)$", option := _written_option(p, context))
+    ]
+    if is_number and numbers:
+        return f"{known}; numbers are given with options, such as `{'`, `'.join(numbers[:3])}`"
+    place = next((word for word in words if word not in same), extra)
+    if "--place" in names and "--place" not in arguments and re.fullmatch(r"[a-z]\w*|-?[\d.]+(,-?[\d.]+){1,2}", place):
+        return f"{known}; give a place with `--place {place}`"
     return known
 
 
@@ -474,20 +575,24 @@ def _with_argument_hint(message: str, arguments: Sequence[str]) -> str:
         return f"{message}; the quantities to fit are --free NAME,NAME without a space"
     if size := re.match(r"(?:unknown room ')?([\d.]+[x×][\d.]+)'?[:;]", message):
         return f"{message}; `sonarhw room new NAME.toml --size {size[1]}` writes a room of this size"
-    missing = re.match(r"(.+): no such file", message)
-    return f"{message}{_similar_file(Path(missing[1]))}" if missing else message
+    if ending := re.match(r"--\w+ .*\.(\w+): expected a name ending in", message):
+        about = _written_elsewhere(ending[1].lower(), _context_of(arguments))
+        return f"{message}; {about}" if about else message
+    missing = re.match(r"(.+): no such file(?:.*\(\*(\.\w+)\))?", message)
+    return f"{message}{_similar_file(Path(missing[1]), missing[2] or '')}" if missing else message
 
 
-def _similar_file(missing: Path) -> str:
-    """Return `; did you mean NAME?` for the file with the most similar name, or an empty text."""
+def _similar_file(missing: Path, expected: str) -> str:
+    """Return `; did you mean NAME?` for the file with the most similar name, if possible with the `expected` suffix."""
     try:
         files = [*islice(missing.parent.iterdir(), _MOST_FILES)]
     except (OSError, ValueError):  # ValueError: a NUL in the name
         return ""
-    stems = [path.stem for path in files if path.suffix == missing.suffix]
+    suffix = missing.suffix if missing.suffix not in ("", expected) else expected
+    stems = [path.stem for path in files if path.suffix == suffix]
     same_stem = [path.name for path in files if path.stem == missing.stem]
     near = [
-        *(stem + missing.suffix for stem in difflib.get_close_matches(missing.stem, stems, n=1, cutoff=_ALIKE)),
+        *(stem + suffix for stem in difflib.get_close_matches(missing.stem, stems, n=1, cutoff=_ALIKE)),
         *difflib.get_close_matches(missing.name, same_stem, n=1, cutoff=0.0),
     ]
     return f"; did you mean `{missing.with_name(near[0])}`?" if near else ""

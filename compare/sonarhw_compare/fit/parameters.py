@@ -59,7 +59,14 @@ def free_parameters(free: Sequence[str], scans: Sequence[str], room: Room, board
     return tuple(parameters.values())
 
 
-_OTHER_WORDS = {"angle": "heading", "bearing": "heading", "place": "position", "pose": "position", "yaw": "heading"}
+_OTHER_WORDS = {
+    **dict.fromkeys(("angle", "bearing", "direction", "orientation", "rotation", "theta", "yaw"), "heading"),
+    **dict.fromkeys(("location", "place", "pose", "xy"), "position"),
+    **dict.fromkeys(("beam", "beamwidth"), "aperture"),
+    **dict.fromkeys(("c", "sound_speed", "speed_of_sound"), "speed"),
+    **dict.fromkeys(("material", "materials"), "reflectances"),
+    "range_offset": "offset",
+}
 
 
 def quantities_of(word: str) -> tuple[quantities.Quantity, ...]:
