@@ -60,7 +60,7 @@ def _reworded(error: typer.TyperException) -> str:
     unit = _UNIT.search(getattr(getattr(error, "param", None), "help", None) or "")
     if re.fullmatch(r"-?\d+,\d+", given):
         return f"{rejected[1]} {given}: {rejected[2]} with a decimal point, such as {given.replace(',', '.')}"
-    has_unit = re.match(r"-?[\d.]+ ?[^\d.\s]", given) is not None
+    has_unit = re.match(r"-?[\d.]+ ?[^\d.\s/+*e-]", given) is not None
     return f"{rejected[1]} {given}: {rejected[2]}{f', in {unit[1]} and without a unit' if unit and has_unit else ''}"
 
 
@@ -291,7 +291,8 @@ def _with_help(message: str, error: typer.TyperException, arguments: Sequence[st
     )
     if message.endswith("?") or not message.startswith("No such "):
         return message
-    return f"{message.rstrip('.')}; see `{context.command_path} --help`"
+    commands = f"; its commands: {', '.join(context.command.commands)}" if context.parent is not None else ""
+    return f"{message.rstrip('.')}{commands}; see `{context.command_path} --help`"
 
 
 def _about_option(message: str, context: typer.Context, arguments: Sequence[str]) -> str:
@@ -483,7 +484,7 @@ def _meant_in_group(
     is_name = "." in word or "/" in word or _is_room(word)
     root = context.find_root()
     elsewhere = word if word in getattr(root.command, "commands", {}) else _commands_by_word().get(word)
-    if elsewhere and not has_similar and not is_name:
+    if elsewhere and word not in _ANY and not has_similar and not is_name:
         return f"{root.command_path} {elsewhere}"
     writes = "export" if "export" in commands and "--out" in arguments else ""
     describes = later or ((writes or _OF_A_FILE.get(context.info_name or "")) if is_name else "")
