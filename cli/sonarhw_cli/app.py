@@ -60,6 +60,11 @@ def _reworded(error: typer.TyperException) -> str:
     unit = _UNIT.search(getattr(getattr(error, "param", None), "help", None) or "")
     if re.fullmatch(r"-?\d+,\d+", given):
         return f"{rejected[1]} {given}: {rejected[2]} with a decimal point, such as {given.replace(',', '.')}"
+    if share := re.fullmatch(r"([\d.]*\d) ?%", given):
+        return f"{rejected[1]} {given}: {rejected[2]} without %, such as {float(share[1]) / 100:g}"
+    ends = re.fullmatch(r"(-?[\d.]*\d)(?:\.\.+|[-:,;]|to)(-?[\d.]*\d).*", given)
+    if ends and rejected[1] in ("--from", "--to", "--step"):
+        return f"{rejected[1]} {given}: {rejected[2]}; write --from {ends[1]} --to {ends[2]} --step DEG"
     has_unit = re.match(r"-?[\d.]+ ?[^\d.\s/+*e-]", given) is not None
     return f"{rejected[1]} {given}: {rejected[2]}{f', in {unit[1]} and without a unit' if unit and has_unit else ''}"
 
@@ -166,6 +171,12 @@ _OTHER_OPTIONS = (
         "count duration loops minutes n number repeat repeats rounds scans seconds time times turns",
     ),
     _Instead("the air stands in the room file, in the table [air]", "air humidity temp temperature", "ROOM"),
+    _Instead(
+        "the log contains the speed of sound of its scan, and the room file the air, in the table [air]",
+        "air humidity speed-of-sound temp temperature",
+        "LOG",
+        "--receiver",
+    ),
     _Instead("the unit stands in the URL: `lines:/dev/ttyUSB0?preset=NAME&unit=cm`", "unit units", "URL"),
     _Instead("pings at each heading are --pings", "average averages mean repetitions samples shots"),
     _Instead("the farthest range is --max-range, in metres", "limit max-dist max-distance maximum"),
@@ -223,19 +234,25 @@ _OTHER_OPTIONS = (
     _Instead("processes are --workers N", "cores j jobs n-jobs processes threads"),
     _Instead("an existing file is replaced with --force", "f overwrite replace y yes"),
     _Instead("`sonarhw gui` opens it in the window", "display show view", "LOG"),
-    _Instead("a picture is --plot FILE.png", "display draw figure image o out output picture save-plot show"),
-    _Instead(
-        "the ending of --out chooses what is written",
-        "display figure format image picture plot show",
-    ),
+    _Instead("a picture is --plot FILE.png", "o out output"),
+    _Instead("the ending of --out chooses what is written", "format"),
     _Instead("the name of the file stands without an option before it", f"o out output save to {_READ}", "NAME.TOML"),
     _Instead("the name of the file stands without an option before it", _READ, "LOG"),
     _Instead("the name of the file stands without an option before it", _READ, "FILE"),
     _Instead("the file to write is --out", "file filename log o save save-as to write"),
 )
-_FORMATS = ["csv", "gif", "html", "mp4", "npz", "pdf", "png", "svg"]
+_FORMATS = ("csv", "gif", "html", "jpg", "json", "mat", "mp4", "npz", "pdf", "png", "svg", "txt", "xlsx", "yaml")
 _SHORTENED = 3  # letters of a command at least, such as `sim`
 _ALIKE = 0.75  # similarity of an option that is proposed; below, it is another word
+_VERY_ALIKE = 0.85  # the same for options of other commands
+_PICTURES = ("draw", "figure", "image", "picture", "plot", "save-plot")
+# words for what the help of options calls otherwise
+_WORDS_OF_HELP = {
+    **dict.fromkeys(("sd", "sigma", "std", "stdev", "uncertainty"), "standard deviation"),
+    **dict.fromkeys(("azimuth", "bearing", "theta", "yaw"), "heading"),
+    **dict.fromkeys(("distance", "depth"), "range"),
+    **dict.fromkeys(("clobber", "replace"), "overwrite"),
+}
 _MOST_FILES = 1000  # of a folder that are compared with a name
 _MOST_LISTED = 6  # options of a command with few
 _GLOBAL = {
@@ -352,26 +369,27 @@ def _missing_argument(context: typer.Context, arguments: Sequence[str]) -> str:
 
 def _about_word(word: str, parameters: Sequence[Any], context: typer.Context) -> str:
     """Return options whose help contains a word, or the most similar option of another command, after a semicolon."""
-    stem = word.partition("-")[0].removesuffix("s")
+    stem = _WORDS_OF_HELP.get(word, word.partition("-")[0].removesuffix("s"))
     if len(stem) > _SHORTENED:
         having = [p for p in parameters if re.search(rf"(?i)\b{re.escape(stem)}", p.help or "")][:2]
         if having:
             return f"; options about {stem}: {', '.join(f'`{_written_option(p, context)}`' for p in having)}"
     by_option = {o: path for path, command in _all_commands(context) for p in command.params for o in p.opts}
-    near = difflib.get_close_matches(f"--{word}", by_option, n=1, cutoff=_ALIKE)
+    near = difflib.get_close_matches(f"--{word}", by_option, n=1, cutoff=_VERY_ALIKE)
     return f"; `{near[0]}` is an option of `{by_option[near[0]]}`" if near else ""
 
 
 def _about_format(word: str, context: typer.Context) -> str:
     """Return how a format of files is written: by an option of this command, or else of others on the same input."""
+    word = "png" if word in _PICTURES else word
     if word not in _FORMATS:
         return ""
     if here := _writers(word, context.command, context):
         return f"{word.upper()} is written with `{here[0]}`"
-    writes = next((_written_option(p, context) for p in context.command.params if "--out" in p.opts), "")
-    return "; ".join(
-        filter(None, (f"this command writes `{writes}`" if writes else "", _written_elsewhere(word, context)))
-    )
+    out: Any = next((p for p in context.command.params if "--out" in p.opts), None)
+    endings = ", ".join(re.findall(r"\.\w+", out.help or "")) if out and out.metavar in (None, "FILE") else ""
+    writes = f"this command writes `{_written_option(out, context)}`{endings and f': {endings}'}" if out else ""
+    return "; ".join(filter(None, (writes, _written_elsewhere(word, context))))
 
 
 def _written_elsewhere(word: str, context: typer.Context) -> str:
@@ -390,11 +408,11 @@ def _writers(word: str, command: Any, context: typer.Context) -> list[str]:
     """Return the options of a command that write a format of files, as `--out FILE.csv`."""
     found = []
     for parameter in command.params:
-        option = _written_option(parameter, context) if set(parameter.opts) & {"--out", "--plot"} else ""
+        option = _written_option(parameter, context) if {*parameter.opts} & {"--out", "--plot", "--json"} else ""
         name = option.partition(" ")[0]
         about = f"{option} {parameter.help} {command.help if name == '--out' and ' FILE' in option else ''}"
-        if option and re.search(rf"[|.]{word}\b", about):
-            found.append(f"{name} FILE.{word}")
+        if name == f"--{word}" or (option and re.search(rf"[|.]{word}\b", about)):
+            found.append(name if name == f"--{word}" else f"{name} FILE.{word}")
     return found
 
 
@@ -525,7 +543,6 @@ def _about_extra(message: str, context: typer.Context, arguments: Sequence[str])
     extra = message.removesuffix(")").rpartition("(")[2].split(" ")[0]
     is_number = re.fullmatch(r"-?[\d.]+", extra) is not None
     is_size = is_number or re.fullmatch(r"[x×*]|by|[\d.]+(m|cm|mm)", extra) is not None
-    before = arguments[arguments.index(extra) - 1] if extra in arguments else ""
     known = f"{message}; expected `{_usage(context)}`; see `{context.command_path} --help`"
     if re.fullmatch(r"\d{4,}", extra) and (rate := _instead("baud", context)):
         return f"{known}; {rate}"
@@ -535,8 +552,17 @@ def _about_extra(message: str, context: typer.Context, arguments: Sequence[str])
         return f"{known}; write WxD in metres without a space, such as --size 3.2x2.4"
     if extra in _ANY and (listed := _commands_by_word().get(f"{context.info_name}s")):
         return f"{message}; did you mean `sonarhw {listed}`?"
-    if before.endswith(",") or (is_number and re.fullmatch(r"-?[\d.,]+", before)):
-        return f"{known}; write X,Y without a space"
+    option, value = next(
+        (
+            (o, v)
+            for o, v, word in zip(arguments, arguments[1:], arguments[2:], strict=False)
+            if word == extra and o in names
+        ),
+        ("", ""),
+    )
+    listed = next((_written_option(p, context) for p in context.command.params if option in p.opts), "")
+    if "," in listed:
+        return f"{known}; write `{option} {value.rstrip(',')},{extra}` without a space"
     accepted = [p for p in context.command.params if p.param_type_name == "argument"]
     extras = f" {message.rpartition('(')[2].removesuffix(')')} "
     words = [str(context.params[p.name]) for p in accepted if context.params.get(p.name)]
@@ -576,8 +602,10 @@ def _with_argument_hint(message: str, arguments: Sequence[str]) -> str:
         return f"{message}; the quantities to fit are --free NAME,NAME without a space"
     if size := re.match(r"(?:unknown room ')?([\d.]+[x×][\d.]+)'?[:;]", message):
         return f"{message}; `sonarhw room new NAME.toml --size {size[1]}` writes a room of this size"
-    if ending := re.match(r"--\w+ .*\.(\w+): expected a name ending in", message):
-        about = _written_elsewhere(ending[1].lower(), _context_of(arguments))
+    if ending := re.match(r"(--\w+) .*\.(\w+): expected a name ending in", message):
+        context, word = _context_of(arguments), ending[2].lower()
+        here = [option for option in _writers(word, context.command, context) if not option.startswith(ending[1])]
+        about = f"{word.upper()} is written with `{here[0]}`" if here else _written_elsewhere(word, context)
         return f"{message}; {about}" if about else message
     missing = re.match(r"(.+): no such file(?:.*\(\*(\.\w+)\))?", message)
     return f"{message}{_similar_file(Path(missing[1]), missing[2] or '')}" if missing else message

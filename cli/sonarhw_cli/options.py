@@ -623,7 +623,8 @@ def check_kinds(context: typer.Context) -> None:
         value = context.params.get(parameter.name or "")
         for word in map(str, value if isinstance(value, list | tuple) else [value] if value else []):
             kind = kind_of(word) if kinds else ""
-            if kind and kind not in kinds.split("|"):
+            is_missing_log = kind == _LOG and not os.path.exists(word)
+            if kind and kind not in kinds.split("|") and not is_missing_log:
                 option = f"{parameter.opts[0]} " if parameter.param_type_name == "option" else ""
                 advice = _advice(word, kind, parameter, context)
                 raise InputError(f"{option}{word}: is {_KINDS[kind][0]}; expected {expected}; {advice}")

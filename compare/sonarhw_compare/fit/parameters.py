@@ -66,6 +66,7 @@ _OTHER_WORDS = {
     **dict.fromkeys(("c", "sound_speed", "speed_of_sound"), "speed"),
     **dict.fromkeys(("material", "materials"), "reflectances"),
     "range_offset": "offset",
+    "all": "",
 }
 
 
