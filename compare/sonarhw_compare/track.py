@@ -390,7 +390,7 @@ _TOGETHER = 0.02  # m; readings from nearer poses are one update
 _KNOWN, _KNOWN_TURN = 0.25, math.radians(30)  # standard deviations below which a robot is located
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Track(Table):
     """The trajectory of a robot in a room, one row for each of n updates."""
 
@@ -492,6 +492,70 @@ class Track(Table):
 _COLUMNS = ("time_s", "x_m", "y_m", "yaw_deg", "x_sd_m", "y_sd_m", "yaw_sd_deg", "located")
 
 
+class ScanTracker:
+    """Follows the robot of a scan with poses, which may still grow. Only the steps between the poses are used."""
+
+    def __init__(
+        self, where: str, room: Room, board: Board, start: Place | None, *, seed: int = 0, **settings: Any
+    ) -> None:
+        """`where` names the scan in messages; the robot begins at `start`, or anywhere; `settings` are of `Tracker`."""
+        self._tracker = Tracker(room, board, start, seed=seed, **settings)
+        self._setting = where, room, board, settings.get("model", Model.RAY_FOLLOWING), seed
+        self.readings = 0  # taken
+        self._waiting: list[Reading] = []  # at the newest position
+        self._poses: list[RobotPose] = []  # of the odometry, one for each update, as in the lists below
+        self._times: list[float] = []
+        self._rows: list[tuple[float, ...]] = []
+        self._parts: list[tuple[FloatArray, FloatArray]] = []
+        self._clouds: list[FloatArray] = []
+
+    def take(
+        self, readings: Sequence[Reading], *, whole: bool = True, progress: Callable[[float], None] = lambda _: None
+    ) -> None:
+        """Follow the robot through further readings; `progress` gets the share that is done.
+
+        If the scan is not `whole`, the readings of the newest position wait for others from there. Raises InputError
+        if a reading has no pose.
+        """
+        missing = sum(reading.pose is None for reading in readings)
+        if missing:
+            raise InputError(
+                f"{self._setting[0]}: {counted_are(missing, 'reading')} without a pose; expected the odometry of a "
+                "robot; `sonarhw locate` finds the place of a scan"
+            )
+        self.readings += len(readings)
+        updates = _updates([*self._waiting, *readings])
+        self._waiting = [] if whole or not updates else updates.pop()[1]
+        for number, (pose, group) in enumerate(updates):
+            self._update(pose, group)
+            progress((number + 1) / len(updates))
+
+    @property
+    def waits(self) -> bool:
+        """Whether readings wait for others from their position."""
+        return bool(self._waiting)
+
+    def _update(self, pose: RobotPose, group: list[Reading]) -> None:
+        headings, ranges = _together(pose, group)
+        before = self._poses[-1] if self._poses else pose
+        found = self._tracker.update(step_between(before, pose), headings, ranges)
+        self._rows.append((*found.position, found.heading, *found.deviations, found.lost))
+        self._parts.append((headings, ranges))
+        self._clouds.append(self._tracker.drawn(_CLOUD))
+        self._poses.append(pose)
+        self._times.append(group[0].time)
+
+    def track(self) -> Track:
+        """Return the trajectory so far, of at least one update."""
+        where, room, board, model, seed = self._setting
+        table, times = np.array(self._rows, dtype=np.float64), np.array(self._times)
+        first: RobotPose = (table[0, 0], table[0, 1], table[0, 2])
+        alone = np.array([moved_by(first, step_between(self._poses[0], pose)) for pose in self._poses])
+        poses, deviations, lost = table[:, :3], table[:, 3:6], table[:, 6] > 0
+        parts, clouds = tuple(self._parts), np.array(self._clouds)
+        return Track(where, room, board, model, seed, times - times[0], poses, deviations, lost, alone, parts, clouds)
+
+
 def track_scan(
     scan: GivenScan,
     room: Room,
@@ -504,44 +568,11 @@ def track_scan(
 ) -> Track:
     """Return the trajectory of the robot that made a scan with poses; `settings` are those of `Tracker`.
 
-    Only the steps between the poses are used, as odometry. The robot begins at `start`, or anywhere if it is None.
-    Raises InputError if a reading has no pose.
+    The robot begins at `start`, or anywhere if it is None. Raises InputError if a reading has no pose.
     """
-    readings = [reading for reading in scan.readings if reading.pose is not None]
-    if len(readings) < len(scan.readings):
-        raise InputError(
-            f"{scan.where}: {counted_are(len(scan.readings) - len(readings), 'reading')} without a pose; expected the "
-            "odometry of a robot; `sonarhw locate` finds the place of a scan"
-        )
-    tracker = Tracker(room, board, start, seed=seed, **settings)
-    updates, rows, parts, clouds = _updates(readings), [], [], []
-    before = updates[0][0]
-    for number, (pose, group) in enumerate(updates):
-        headings, ranges = _together(pose, group)
-        found = tracker.update(step_between(before, pose), headings, ranges)
-        rows.append((*found.position, found.heading, *found.deviations, found.lost))
-        parts.append((headings, ranges))
-        clouds.append(tracker.drawn(_CLOUD))
-        before = pose
-        progress((number + 1) / len(updates))
-    table = np.array(rows, dtype=np.float64)
-    began = readings[0].time
-    first: RobotPose = (table[0, 0], table[0, 1], table[0, 2])
-    alone = [moved_by(first, step_between(updates[0][0], pose)) for pose, _ in updates]
-    return Track(
-        scan.where,
-        room,
-        board,
-        settings.get("model", Model.RAY_FOLLOWING),
-        seed,
-        np.array([group[0].time - began for _, group in updates]),
-        table[:, :3],
-        table[:, 3:6],
-        table[:, 6] > 0,
-        np.array(alone),
-        tuple(parts),
-        np.array(clouds),
-    )
+    tracker = ScanTracker(scan.where, room, board, start, seed=seed, **settings)
+    tracker.take(scan.readings, progress=progress)
+    return tracker.track()
 
 
 def _updates(readings: Sequence[Reading]) -> list[tuple[RobotPose, list[Reading]]]:

@@ -359,8 +359,9 @@ class Playback:
 
 
 def _differ(reading: Reading, other: Reading) -> bool:
-    """Return whether two readings are different pings. Stored traces are never equal."""
-    return (reading.time, reading.angle, reading.echo_times) != (other.time, other.angle, other.echo_times)
+    """Return whether two readings are different pings, or only one has its pose. Stored traces are never equal."""
+    parts = ((one.time, one.angle, one.echo_times, one.pose) for one in (reading, other))
+    return next(parts) != next(parts)
 
 
 def _schedule(log: Log) -> list[float]:

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from sonarhw_compare.rooms.draft import DraftPost, DraftWall, RoomDraft
     from sonarhw_compare.rooms.outcome import NextPlace
     from sonarhw_compare.rooms.search import FoundRoom
-    from sonarhw_compare.track import Track
+    from sonarhw_compare.track import ScanTracker
 
 
 @dataclass(frozen=True)
@@ -341,18 +341,70 @@ def search_causes(shown: Shown, job: BackgroundJob) -> CausesAnswer:
     return CausesAnswer(scene, len(shown.readings) - len(newest), result)
 
 
-def track_robot(shown: Shown, everywhere: bool, job: BackgroundJob) -> "Track":
+class Tracking(Search):
+    """Tracks a robot, and goes on while its log grows. One job runs at a time; what is recorded meanwhile waits."""
+
+    def __init__(self, shown: Callable[[], Shown], jobs: Jobs, parent: QObject) -> None:
+        super().__init__("track", track_robot, shown, jobs, parent)
+        self._tracker: ScanTracker | None = None
+        self._recorded: tuple[Reading, ...] = ()  # of a log that grows
+        self._whole = True
+
+    @Slot()
+    def cancel(self) -> None:
+        """Cancel a search; without one, discard the result."""
+        self._tracker, self._recorded = None, ()
+        super().cancel()
+
+    def follow(self, recorded: tuple[Reading, ...], whole: bool) -> None:
+        """Follow the robot through the readings that a log has now; `whole`: it grows no more."""
+        placed = len(recorded)
+        while placed and recorded[placed - 1].pose is None:
+            placed -= 1  # its pose is not written yet
+        self._recorded, self._whole = recorded[:placed], whole
+        self._go_on()
+
+    def _go_on(self) -> None:
+        tracker = self._tracker
+        if tracker is None or self.state.running or self._jobs.busy(self._key):
+            return
+        further = self._recorded[tracker.readings :]
+        if further or (self._whole and tracker.waits):
+            self._jobs.run(
+                self._key, track_further, tracker, further, self._whole, then=self._finish, failed=self._fail
+            )
+
+    def _finish(self, answer: "ScanTracker") -> None:
+        self._tracker = answer
+        super()._finish(answer)
+        self._go_on()
+
+    def _fail(self, message: str) -> None:
+        self._tracker = None
+        super()._fail(message)
+
+    def _finished(self, answer: "ScanTracker") -> SearchState:
+        return SearchState(answer=answer.track())
+
+
+def track_robot(shown: Shown, everywhere: bool, job: BackgroundJob) -> "ScanTracker":
     """Follow the robot through the readings shown, from its first pose or from anywhere, by their odometry.
 
     Raises InputError if the readings have no poses.
     """
-    from sonarhw_compare.scans import GivenScan
-    from sonarhw_compare.track import track_scan
+    from sonarhw_compare.track import ScanTracker
 
     room, _ = room_and_place(shown.scene)
     start = None if everywhere or shown.poses is None else Place("", _xy(shown.poses[0]), float(shown.poses[0, 2]))
-    readings = GivenScan("this scan", shown.readings)
-    return track_scan(readings, room, shown.scene.board, start, progress=lambda share: job.report(share, "tracking"))
+    tracker = ScanTracker("this scan", room, shown.scene.board, start)
+    tracker.take(shown.readings, progress=lambda share: job.report(share, "tracking"))
+    return tracker
+
+
+def track_further(tracker: "ScanTracker", readings: tuple[Reading, ...], whole: bool) -> "ScanTracker":
+    """Follow the robot through further readings."""
+    tracker.take(readings, whole=whole)
+    return tracker
 
 
 def _xy(pose: FloatArray) -> tuple[float, float]:

@@ -103,7 +103,7 @@ class SearchPanel(QtWidgets.QWidget):
         self._show_changes(before)
         if state.running and not before.running:
             self._reveal(self.cancel)
-        elif state.answer is not None and state.answer is not before.answer:
+        elif state.answer is not None and before.answer is None:
             self._reveal(self.decision)
 
     def _reveal(self, part: QtWidgets.QWidget) -> None:

@@ -23,7 +23,7 @@ from sonarhw.log import Log
 from sonarhw.readings import Origin
 from sonarhw_gui.jobs import files
 from sonarhw_gui.jobs.jobs import CLOSED_WITHIN, Jobs
-from sonarhw_gui.jobs.searches import RoomSearch, Search, find_pose, search_causes, track_robot
+from sonarhw_gui.jobs.searches import RoomSearch, Search, Tracking, find_pose, search_causes
 from sonarhw_gui.model.edits import with_board
 from sonarhw_gui.model.look import Look
 from sonarhw_gui.model.scene import Scene, first_place, place_warning, room_name, scene_with
@@ -142,7 +142,7 @@ class WindowSession(QObject):
         self.files, self._followed = files.FileWatch(), files.FollowedLog()
         self.fitting = Search("fit", find_pose, lambda: self.shown, self.jobs, self)
         self.causes = Search("causes", search_causes, lambda: self.shown, self.jobs, self)
-        self.tracking = Search("track", track_robot, lambda: self.shown, self.jobs, self)
+        self.tracking = Tracking(lambda: self.shown, self.jobs, self)
         self.scans = ScanList(lambda: self.shown, lambda: self.log_file, self.jobs, self)
         self.finding = RoomSearch(lambda: self.shown, lambda: Path(self.log_file).stem or "this scan", self.jobs, self)
         self.sound = SoundControl(self)
@@ -570,6 +570,7 @@ class WindowSession(QObject):
             return
         replay.extend(log)
         self.showing.forecast.follow(replay.readings)
+        self.tracking.follow(log.readings, whole=not log.torn)
         if not log.torn:
             self._followed.stop()
 

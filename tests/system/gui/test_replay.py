@@ -26,6 +26,7 @@ import sonarhw
 from sonarhw.log import Log, read_log
 from sonarhw.log.mcap_records import OpenFile
 from sonarhw.log.writer import write_scan
+from sonarhw.readings import FloatArray
 from sonarhw.wire.messages import Outcome
 from tests.system.gui.conftest import ORDER, OpenFake, OpenSession, OpenWith
 from tests.system.gui.driving import LEFT, drawn, ended, keep_pictures, key, predicted, push, until
@@ -332,10 +333,12 @@ def test_a_torn_log_that_is_not_written_any_more_is_reported(
     assert f"{kept} whole readings are shown; to repair it: `sonarhw log recover`" in session.notices.shown.text
 
 
-def test_a_replay_moves_the_sensor_along_the_poses_and_draws_readings_where_they_were_made(
-    open_with: OpenWith, tmp_path: Path
-) -> None:
-    """A robot with sensors ahead and to the left drives along x in a rectangle of 2 m by 1.6 m."""
+@pytest.fixture
+def drive(tmp_path: Path) -> tuple[Path, Scene, FloatArray]:
+    """Return the log and the scene of a drive along x in a rectangle of 2 m by 1.6 m, and the 13 values of x.
+
+    The robot has sensors ahead and to the left.
+    """
     room = sonarhw.room_from_arrays([[0, 0], [2, 0], [2, 1.6], [0, 1.6]], places={"start": (0.5, 0.7)})
     x = np.linspace(0.5, 1.1, 13)
     poses = np.column_stack((x + 3, np.full(13, 0.7), np.zeros(13)))  # odometry that begins 3 m beside the place
@@ -344,8 +347,14 @@ def test_a_replay_moves_the_sensor_along_the_poses_and_draws_readings_where_they
     board = sonarhw.load_board("paper")
     metadata = sonarhw.LogMetadata("import", 1e9, "room.toml", room.text, "start", board.name, board.text)
     write_scan(tmp_path / "drive.mcap", metadata, scan.readings)
-    drive = read_log(tmp_path / "drive.mcap")
-    window = open_with(scene=scene_of_log(metadata, drive.readings), source=drive)
+    return tmp_path / "drive.mcap", scene_of_log(metadata, scan.readings), x
+
+
+def test_a_replay_moves_the_sensor_along_the_poses_and_draws_readings_where_they_were_made(
+    open_with: OpenWith, drive: tuple[Path, Scene, FloatArray]
+) -> None:
+    path, scene, x = drive
+    window = open_with(scene=scene, source=read_log(path))
     session, plan = window.session, window.views.plan.drawing
     until(lambda: session.showing.forecast.compared is not None and session.showing.forecast.uncompared == 0)
     until(lambda: session.shown.compared is not None and session.shown.compared.end == 26)
@@ -369,3 +378,35 @@ def test_a_replay_moves_the_sensor_along_the_poses_and_draws_readings_where_they
     assert "13 updates with 26 readings" in window.track.lines.text()
     session.replay.seek_reading(8)
     until(lambda: len(session.shown.track.path) == 5)
+
+
+def test_a_robot_is_tracked_while_its_log_grows(
+    open_with: OpenWith, drive: tuple[Path, Scene, FloatArray], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sonarhw_gui.jobs.files.TORN_AFTER", 1e6)
+    path, scene, x = drive
+    rest, growing = path.read_bytes(), tmp_path / "growing.mcap"
+
+    def grow(count: int) -> None:
+        nonlocal rest
+        with growing.open("ab") as file:
+            file.write(rest[:count])
+        rest = rest[count:]
+
+    third = len(rest) // 3
+    grow(third)
+    window = open_with(scene=scene)
+    session, track = window.session, window.track
+    session.open_file(str(growing))
+    until(lambda: len(session.shown.readings) > 2)
+    window.open_dock("Track")
+    until(track.begin.isEnabled)
+    track.begin.click()
+    until(lambda: session.shown.track is not None)
+    first = session.shown.track.path
+    grow(third)
+    until(lambda: len(session.shown.track.path) > len(first))
+    assert session.shown.track.path[: len(first)].tolist() == first.tolist()  # not tracked again
+    grow(len(rest))
+    until(lambda: "with 26 readings" in track.lines.text())
+    assert session.shown.track.path[-1].tolist() == pytest.approx([x[-1], 0.7], abs=0.03)
