@@ -499,7 +499,7 @@ def _why_not_open(url: str, error: Exception) -> LinkError:
         is_address = re.fullmatch(r"[\w.-]+:\d+|\d+(\.\d+){3}", url) is not None
         likely = f"socket://{url}{'' if ':' in url else ':PORT'}" if is_address else f"/dev/{url}"
         is_device = url.startswith(("tty", "cu.")) or os.path.exists(likely)
-        if rate := re.fullmatch(r"(/dev/[^:]+|COM\d+):(\d+)", url):
+        if rate := re.fullmatch(r"(/dev/[^:,;@ ]+|COM\d+)[:,;@ ](\d+)", url):
             return LinkError(
                 f"{url}: there is no such port; did you mean {rate[1]}, or lines:{rate[1]}?baud={rate[2]}&preset=NAME "
                 "for a device that prints text?"

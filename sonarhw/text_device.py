@@ -75,7 +75,7 @@ def _values(url: str, query: str) -> dict[str, str]:
     if not query and (rate := re.search(r"[,;:@ ](\d{4,6})$", url)):
         meant = f"{url[: rate.start()]}?baud={rate[1]}&preset=NAME"
         raise InputError(f"{url}: expected the baud rate as a key; did you mean '{meant}'?")
-    if "&" not in query and re.search(rf"[,;]({'|'.join(_KEYS)})=", query):
+    if "&" not in query and re.search(rf"[?,;]({'|'.join(_KEYS)})=", query):
         raise InputError(f"{url}: expected & between two keys, such as baud=9600&preset=csv")
     pairs = [part.partition("=") for part in query.split("&") if part]
     values = {unquote(key): unquote(value) for key, _, value in pairs}

@@ -13,7 +13,7 @@ import shlex
 import sys
 import warnings
 from collections.abc import Callable, Sequence
-from itertools import islice, pairwise
+from itertools import islice, pairwise, takewhile
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, TextIO
 
@@ -58,14 +58,17 @@ def _reworded(error: typer.TyperException) -> str:
         return message
     given = str(error.__cause__.errors()[0]["input"])
     unit = _UNIT.search(getattr(getattr(error, "param", None), "help", None) or "")
-    if re.fullmatch(r"-?\d+,\d+", given):
-        return f"{rejected[1]} {given}: {rejected[2]} with a decimal point, such as {given.replace(',', '.')}"
     if share := re.fullmatch(r"([\d.]*\d) ?%", given):
         return f"{rejected[1]} {given}: {rejected[2]} without %, such as {float(share[1]) / 100:g}"
+    if getattr(getattr(error, "param", None), "multiple", False) and re.fullmatch(r"[\d.]+(,[\d.]+)+", given):
+        repeated = " ".join(f"{rejected[1]} {part}" for part in given.split(","))
+        return f"{rejected[1]} {given}: {rejected[2]}; repeat the option: {repeated}"
+    if re.fullmatch(r"-?\d+,\d+", given):
+        return f"{rejected[1]} {given}: {rejected[2]} with a decimal point, such as {given.replace(',', '.')}"
     ends = re.fullmatch(r"(-?[\d.]*\d)(?:\.\.+|[-:,;]|to)(-?[\d.]*\d).*", given)
     if ends and rejected[1] in ("--from", "--to", "--step"):
         return f"{rejected[1]} {given}: {rejected[2]}; write --from {ends[1]} --to {ends[2]} --step DEG"
-    has_unit = re.match(r"-?[\d.]+ ?[^\d.\s/+*e-]", given) is not None
+    has_unit = re.match(r"-?[\d.]+ ?[^\d.,\s/+*e-]", given) is not None
     return f"{rejected[1]} {given}: {rejected[2]}{f', in {unit[1]} and without a unit' if unit and has_unit else ''}"
 
 
@@ -235,6 +238,9 @@ _OTHER_OPTIONS = (
     _Instead("an existing file is replaced with --force", "f overwrite replace y yes"),
     _Instead("`sonarhw gui` opens it in the window", "display show view", "LOG"),
     _Instead("a picture is --plot FILE.png", "o out output"),
+    _Instead(
+        "without a window, the files are written with --headless DIR", "gui no-gui nogui o out output save window"
+    ),
     _Instead("the ending of --out chooses what is written", "format"),
     _Instead("the name of the file stands without an option before it", f"o out output save to {_READ}", "NAME.TOML"),
     _Instead("the name of the file stands without an option before it", _READ, "LOG"),
@@ -299,7 +305,7 @@ def _with_help(message: str, error: typer.TyperException, arguments: Sequence[st
             hint = "; write them in this order"
         elif value.startswith("--"):
             hint = "; arguments stand without an option before them"
-        elif message.startswith("Missing ") and any(re.search(r":.+\?\w+=", argument) for argument in arguments):
+        elif message.startswith("Missing ") and re.search(r":.+\?\w+=", arguments[-1]):
             hint = "; write the URL in quotes, because the shell reads & as the end of the command"
         return f"{message.rstrip('.')}; expected `{_usage(context)}`{hint}; see `{context.command_path} --help`"
     hidden = [name for name, command in getattr(context.command, "commands", {}).items() if command.hidden]
@@ -339,7 +345,8 @@ def _about_option(message: str, context: typer.Context, arguments: Sequence[str]
         if instead := next(filter(None, (_instead(part, context) for part in (word, *parts))), ""):
             return f"{message}; {instead}{see}"
     longer = [name for name in names if len(word) > 2 and name.startswith(option)]
-    longer = longer or [name for name in names if len(word) == 1 and name.startswith(f"-{option}")][:_MOST_LISTED]
+    if len(word) == 1 and context.parent is not None:
+        longer = [name for name in names if name.startswith(f"-{option}")][:_MOST_LISTED]
     others = {path: p.help for path, command in _all_commands(context) for p in command.params if option in p.opts}
     if similar := written or longer or ([] if others else difflib.get_close_matches(option, names, cutoff=_ALIKE)):
         return f"{message}; did you mean {' or '.join(f'`{name}`' for name in similar)}?"
@@ -348,11 +355,14 @@ def _about_option(message: str, context: typer.Context, arguments: Sequence[str]
     later = next((name for name in arguments if name in getattr(context.command, "commands", {})), "")
     if later:
         return f"{message}; options of a command stand behind it: `sonarhw {later} ... {option}`"
+    if context.parent is None and (opened := next(filter(None, map(_command_for, arguments)), "")):
+        return f"{message}; did you mean `sonarhw {opened}`?"
     if missing := _missing_argument(context, arguments):
         return f"{message}; expected `{_usage(context)}`, where {missing} stands without an option before it{see}"
     if others:
         does = (next(iter(others.values())) or "").partition(". ")[0].rstrip(".")
-        return f"{message}; it is an option of `{'`, `'.join(islice(others, 3))}`: {does}{see}"
+        about = _about_word(word, parameters, context)
+        return f"{message}{about}; it is an option of `{'`, `'.join(islice(others, 3))}`: {does}{see}"
     if 0 < len(names) <= _MOST_LISTED:
         return f"{message}; its options: {', '.join(names)}"
     return f"{message}{_about_word(word, parameters, context)}{see}"
@@ -370,11 +380,14 @@ def _missing_argument(context: typer.Context, arguments: Sequence[str]) -> str:
 def _about_word(word: str, parameters: Sequence[Any], context: typer.Context) -> str:
     """Return options whose help contains a word, or the most similar option of another command, after a semicolon."""
     stem = _WORDS_OF_HELP.get(word, word.partition("-")[0].removesuffix("s"))
-    if len(stem) > _SHORTENED:
+    if len(stem) > _SHORTENED and stem not in ("from", "with"):
         having = [p for p in parameters if re.search(rf"(?i)\b{re.escape(stem)}", p.help or "")][:2]
         if having:
             return f"; options about {stem}: {', '.join(f'`{_written_option(p, context)}`' for p in having)}"
-    by_option = {o: path for path, command in _all_commands(context) for p in command.params for o in p.opts}
+    if f"--{word}" in (
+        by_option := {o: path for path, command in _all_commands(context) for p in command.params for o in p.opts}
+    ):
+        return ""
     near = difflib.get_close_matches(f"--{word}", by_option, n=1, cutoff=_VERY_ALIKE)
     return f"; `{near[0]}` is an option of `{by_option[near[0]]}`" if near else ""
 
@@ -537,6 +550,20 @@ def _context_of(arguments: Sequence[str]) -> typer.Context:
     return context
 
 
+def _joined(word: str, context: typer.Context, arguments: Sequence[str]) -> str:
+    """Return how to write a list or several values of an option whose values are separated by spaces."""
+    at = next((k for k in range(2, len(arguments)) if arguments[k] == word and arguments[k - 2].startswith("--")), 0)
+    taken: Any = next((p for p in context.command.params if at and arguments[at - 2] in p.opts), None)
+    value = re.compile(r"-?[\d.,]+" if re.fullmatch(r"-?[\d.,]+", word) else "[a-z_]+,?")
+    if taken is None or getattr(taken, "is_flag", False) or options.kind_of(word) or not value.fullmatch(word):
+        return ""
+    option, *values = arguments[at - 2], arguments[at - 1], *takewhile(value.fullmatch, arguments[at:])
+    if "," in _written_option(taken, context):
+        return f"write `{option} {','.join(part.rstrip(',') for part in values)}` without a space"
+    is_many = getattr(taken, "multiple", False)
+    return f"repeat the option: `{' '.join(f'{option} {part}' for part in values)}`" if is_many else ""
+
+
 def _about_extra(message: str, context: typer.Context, arguments: Sequence[str]) -> str:
     """Return the message about an argument too many, with how to write a place, a size, a room or a second log."""
     names = {name for parameter in context.command.params for name in parameter.opts}
@@ -552,18 +579,11 @@ def _about_extra(message: str, context: typer.Context, arguments: Sequence[str])
         return f"{known}; write WxD in metres without a space, such as --size 3.2x2.4"
     if extra in _ANY and (listed := _commands_by_word().get(f"{context.info_name}s")):
         return f"{message}; did you mean `sonarhw {listed}`?"
-    option, value = next(
-        (
-            (o, v)
-            for o, v, word in zip(arguments, arguments[1:], arguments[2:], strict=False)
-            if word == extra and o in names
-        ),
-        ("", ""),
-    )
-    listed = next((_written_option(p, context) for p in context.command.params if option in p.opts), "")
-    if "," in listed:
-        return f"{known}; write `{option} {value.rstrip(',')},{extra}` without a space"
+    if joined := _joined(extra, context, arguments):
+        return f"{known}; {joined}"
     accepted = [p for p in context.command.params if p.param_type_name == "argument"]
+    if not accepted and (instead := _instead(options.kind_of(extra).rpartition(" ")[2].lower(), context)):
+        return f"{known}; {instead}"
     extras = f" {message.rpartition('(')[2].removesuffix(')')} "
     words = [str(context.params[p.name]) for p in accepted if context.params.get(p.name)]
     words += [word for word in arguments if f" {word} " in extras]
@@ -594,12 +614,18 @@ def _about_extra(message: str, context: typer.Context, arguments: Sequence[str])
 
 def _with_argument_hint(message: str, arguments: Sequence[str]) -> str:
     """Return the message of a command with how to write a pair or a list if it is written with a space."""
-    is_count = message.startswith("--place: expected one for each")
-    if is_count and any(word.endswith(",") for word in arguments):
-        return f"{message}; write X,Y without a space"
-    has_word = "fit" in arguments and re.search(r" --free \S+ [a-z_]+( |$)", " ".join(arguments)) is not None
-    if ("fit" in arguments and re.match(r"[a-z_]+: no such file", message)) or (is_count and has_word):
-        return f"{message}; the quantities to fit are --free NAME,NAME without a space"
+    stray = re.match(r"(\S+): no such file|.*, (\S+): expected the URL of one scanner", message)
+    words = (
+        [stray[1] or stray[2]] if stray else arguments if message.startswith("--place: expected one for each") else ()
+    )
+    if joined := next(filter(None, (_joined(word, _context_of(arguments), arguments) for word in words)), ""):
+        return f"{message}; {joined}"
+    fake = next((word for word in arguments if word.startswith("fake:") and "?" not in word), "")
+    if fake and (place := re.match("--place needs --room: (\\S+) is a place", message)):
+        return f"{message}; that of a fake scanner stands in its URL: '{fake}?place={place[1]}'"
+    is_in_room = any("room" in options.kind_of(word) for word in arguments) and "--place" not in arguments
+    if is_in_room and (place := re.match(r"(\S+): there is no such file or port", message)):
+        return f"{message}; a place is given with `--place {place[1]}`"
     if size := re.match(r"(?:unknown room ')?([\d.]+[x×][\d.]+)'?[:;]", message):
         return f"{message}; `sonarhw room new NAME.toml --size {size[1]}` writes a room of this size"
     if ending := re.match(r"(--\w+) .*\.(\w+): expected a name ending in", message):
