@@ -80,7 +80,7 @@ _OTHER_WORDS = {
     "doctor": "diagnose selftest self-test test",
     "fake": "emulate emulator mock simulator virtual",
     "fit": "adjust optimise optimize",
-    "flash": "burn install program update upgrade upload",
+    "flash": "build burn compile install program update upgrade upload",
     "gui": "chart display draw edit graph live load open show view viewer visualise visualize window",
     "home": "reset zero",
     "import": "bag convert rosbag",
@@ -89,7 +89,7 @@ _OTHER_WORDS = {
     "log export": "csv dump extract save",
     "log info": "describe inspect statistics stats summary",
     "map": "combine merge slam",
-    "monitor": "debug listen sniff tail terminal watch",
+    "monitor": "debug echo listen minicom miniterm putty screen sniff tail terminal topic watch",
     "ports": "config configure detect devices discover list search serial setup",
     "ports --guess": "arduino guess identify radar sketch",
     "profile list": "boards profiles sensors",
@@ -251,12 +251,14 @@ _FORMATS = ("csv", "gif", "html", "jpg", "json", "mat", "mp4", "npz", "pdf", "pn
 _SHORTENED = 3  # letters of a command at least, such as `sim`
 _ALIKE = 0.75  # similarity of an option that is proposed; below, it is another word
 _VERY_ALIKE = 0.85  # the same for options of other commands
+_SAVE = ("o", "out", "output", "outfile", "save", "to")
 _PICTURES = ("draw", "figure", "image", "picture", "plot", "save-plot")
 # words for what the help of options calls otherwise
 _WORDS_OF_HELP = {
     **dict.fromkeys(("sd", "sigma", "std", "stdev", "uncertainty"), "standard deviation"),
     **dict.fromkeys(("azimuth", "bearing", "theta", "yaw"), "heading"),
     **dict.fromkeys(("distance", "depth"), "range"),
+    "scale": "unit",
     **dict.fromkeys(("clobber", "replace"), "overwrite"),
 }
 _MOST_FILES = 1000  # of a folder that are compared with a name
@@ -308,6 +310,9 @@ def _with_help(message: str, error: typer.TyperException, arguments: Sequence[st
         elif message.startswith("Missing ") and re.search(r":.+\?\w+=", arguments[-1]):
             hint = "; write the URL in quotes, because the shell reads & as the end of the command"
         return f"{message.rstrip('.')}; expected `{_usage(context)}`{hint}; see `{context.command_path} --help`"
+    if weak := re.search(r"^No such command '(.+)'(\. Did you mean '(.+)'\?)", message):
+        is_alike = difflib.SequenceMatcher(None, weak[1], weak[3]).ratio() >= _ALIKE
+        message = message if is_alike else message.replace(weak[2], ".")
     hidden = [name for name, command in getattr(context.command, "commands", {}).items() if command.hidden]
     message = next(
         (message.removesuffix(end) for name in hidden if message.endswith(end := f". Did you mean '{name}'?")), message
@@ -359,6 +364,9 @@ def _about_option(message: str, context: typer.Context, arguments: Sequence[str]
         return f"{message}; did you mean `sonarhw {opened}`?"
     if missing := _missing_argument(context, arguments):
         return f"{message}; expected `{_usage(context)}`, where {missing} stands without an option before it{see}"
+    path = context.command_path
+    if word in _SAVE:
+        return f"{message}; `{path} > FILE` writes its output to a file{see}"
     if others:
         does = (next(iter(others.values())) or "").partition(". ")[0].rstrip(".")
         about = _about_word(word, parameters, context)
@@ -462,13 +470,15 @@ def _meant(message: str, context: typer.Context, arguments: Sequence[str]) -> st
         return ""
     path = context.command_path
     groups: dict[str, Any] = getattr(context.command, "commands", {})
-    if word == "help":
+    if word in ("help", "man"):
         return " ".join([path, *arguments[arguments.index(word) + 1 :], "--help"])
     if context.parent is not None:
         return _meant_in_group(word, context, arguments, groups, "Did you mean" in message)
     if group := next((name for name, group in groups.items() if word in getattr(group, "commands", {})), ""):
         return f"{path} {group} {word}"
     later = next((name for name in arguments[arguments.index(word) + 1 :] if name in groups), "")
+    if later and later == arguments[arguments.index(word) + 1] and not options.kind_of(word):
+        return f"{path} {later}"
     longer = [name for name, command in groups.items() if name.startswith(word) and not command.hidden]
     if len(longer) == 1 and len(word) >= _SHORTENED:
         return f"{path} {longer[0]}"
@@ -485,9 +495,11 @@ def _meant(message: str, context: typer.Context, arguments: Sequence[str]) -> st
     shown = {name for name, command in groups.items() if not command.hidden}
     if parts != [word] and (known := [part for part in parts if part in words or part in shown]):
         return f"{path} {words.get(known[0], known[0])}"
-    shown_similar = difflib.get_close_matches(word, shown, n=1)
-    similar = [] if shown_similar else difflib.get_close_matches(word, words, n=1, cutoff=_ALIKE)
-    return f"{path} {words[similar[0]]}" if similar else ""
+    if difflib.get_close_matches(word, shown, n=1, cutoff=_ALIKE):
+        return ""  # the message contains it
+    similar = difflib.get_close_matches(word, words, n=1, cutoff=_ALIKE)
+    meant = words[similar[0]] if similar else next(filter(None, map(_command_for, arguments)), "")
+    return f"{path} {meant}" if meant else ""
 
 
 def _commands_by_word() -> dict[str, str]:
@@ -584,6 +596,12 @@ def _about_extra(message: str, context: typer.Context, arguments: Sequence[str])
     accepted = [p for p in context.command.params if p.param_type_name == "argument"]
     if not accepted and (instead := _instead(options.kind_of(extra).rpartition(" ")[2].lower(), context)):
         return f"{known}; {instead}"
+    if not accepted and (advice := options.use_of(extra)):
+        return f"{known}; {advice}"
+    if not accepted and Path(extra).suffix:
+        return f"{known}; `{context.command_path} > {shlex.quote(extra)}` writes its output to a file"
+    if not accepted and (meant := _commands_by_word().get(extra)):
+        return f"{message}; did you mean `sonarhw {meant}`?"
     extras = f" {message.rpartition('(')[2].removesuffix(')')} "
     words = [str(context.params[p.name]) for p in accepted if context.params.get(p.name)]
     words += [word for word in arguments if f" {word} " in extras]

@@ -643,6 +643,12 @@ def _advice(word: str, kind: str, parameter: Any, context: typer.Context) -> str
     return _KINDS[kind][1].format(name=shlex.quote(word), such=f", such as {', '.join(named)}" if named else "")
 
 
+def use_of(word: str) -> str:
+    """Return what to do with a word by its kind, such as the command that reads it; empty for another word."""
+    kind = kind_of(word)
+    return _KINDS[kind][1].format(name=shlex.quote(word), such="") if kind else ""
+
+
 def option_taking(word: str, context: typer.Context, but: Any = None) -> str:
     """Return an option of the command that takes a word, with the word: by its choices, the kind or the ending."""
     kind, ending = kind_of(word), Path(word).suffix
