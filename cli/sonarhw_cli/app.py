@@ -251,6 +251,7 @@ _FORMATS = ("csv", "gif", "html", "jpg", "json", "mat", "mp4", "npz", "pdf", "pn
 _SHORTENED = 3  # letters of a command at least, such as `sim`
 _ALIKE = 0.75  # similarity of an option that is proposed; below, it is another word
 _VERY_ALIKE = 0.85  # the same for options of other commands
+_VAGUE = ("file", "name", "path", "the")  # parts of words such as --room-file
 _SAVE = ("o", "out", "output", "outfile", "save", "to")
 _PICTURES = ("draw", "figure", "image", "picture", "plot", "save-plot")
 # words for what the help of options calls otherwise
@@ -258,6 +259,7 @@ _WORDS_OF_HELP = {
     **dict.fromkeys(("sd", "sigma", "std", "stdev", "uncertainty"), "standard deviation"),
     **dict.fromkeys(("azimuth", "bearing", "theta", "yaw"), "heading"),
     **dict.fromkeys(("distance", "depth"), "range"),
+    **dict.fromkeys(("animate", "animation", "movie", "video"), "film"),
     "scale": "unit",
     **dict.fromkeys(("clobber", "replace"), "overwrite"),
 }
@@ -340,10 +342,12 @@ def _about_option(message: str, context: typer.Context, arguments: Sequence[str]
     value = next((value for given, value in pairwise(arguments) if given == option), "")
     if f"--{value}" in names:
         return f"{message}; did you mean `--{value}`?"
-    if written_as := _about_format(word, context):
+    ending = Path(value).suffix.removeprefix(".").lower() if word in (*_SAVE, *_PICTURES) else ""
+    ending = value if word in ("format", "type") else ending
+    if f"--{word}" not in names and (written_as := _about_format(ending, context) or _about_format(word, context)):
         return f"{message}; {written_as}{see}"
     if not written and f"--{word}" not in names:
-        parts = [part for part in reversed(re.split("[-_]", word)) if len(part) > 1]
+        parts = [part for part in reversed(re.split("[-_]", word)) if len(part) > 1 and part not in _VAGUE]
         known = next((f"--{part}" for part in parts if f"--{part}" in names), "")
         if known and not _instead(word, context):
             return f"{message}; did you mean `{known}`?"
@@ -387,11 +391,12 @@ def _missing_argument(context: typer.Context, arguments: Sequence[str]) -> str:
 
 def _about_word(word: str, parameters: Sequence[Any], context: typer.Context) -> str:
     """Return options whose help contains a word, or the most similar option of another command, after a semicolon."""
-    stem = _WORDS_OF_HELP.get(word, word.partition("-")[0].removesuffix("s"))
+    stem = _WORDS_OF_HELP.get(word, re.sub("(ies|y|s)$", "", word.partition("-")[0]))
     if len(stem) > _SHORTENED and stem not in ("from", "with"):
         having = [p for p in parameters if re.search(rf"(?i)\b{re.escape(stem)}", p.help or "")][:2]
         if having:
-            return f"; options about {stem}: {', '.join(f'`{_written_option(p, context)}`' for p in having)}"
+            written = ", ".join(f"`{_written_option(p, context)}`" for p in having)
+            return f"; options about {_WORDS_OF_HELP.get(word, word)}: {written}"
     if f"--{word}" in (
         by_option := {o: path for path, command in _all_commands(context) for p in command.params for o in p.opts}
     ):
@@ -570,7 +575,8 @@ def _joined(word: str, context: typer.Context, arguments: Sequence[str]) -> str:
     if taken is None or getattr(taken, "is_flag", False) or options.kind_of(word) or not value.fullmatch(word):
         return ""
     option, *values = arguments[at - 2], arguments[at - 1], *takewhile(value.fullmatch, arguments[at:])
-    if "," in _written_option(taken, context):
+    written, is_word = _written_option(taken, context), value.pattern.startswith("[a-z")
+    if "," in written and not (is_word and "|" in written):
         return f"write `{option} {','.join(part.rstrip(',') for part in values)}` without a space"
     is_many = getattr(taken, "multiple", False)
     return f"repeat the option: `{' '.join(f'{option} {part}' for part in values)}`" if is_many else ""
@@ -610,7 +616,7 @@ def _about_extra(message: str, context: typer.Context, arguments: Sequence[str])
     flags = {name for p in context.command.params if getattr(p, "is_flag", False) for name in p.opts}
     if flag := next((flag for flag, word in pairwise(arguments) if flag in flags and word in {*words} - {*same}), ""):
         return f"{known}; {flag} takes no value"
-    if "compare" in arguments and len(same) == 2 == len(words):
+    if "compare" in arguments and len(same) == 2:
         return f"{known}; to compare two logs, use `sonarhw compare A.mcap --with B.mcap`"
     if accepted and len(same) == len(words):
         several = "; `sonarhw fit` and `sonarhw map` take several" if accepted[0].metavar == "LOG" else ""
@@ -624,6 +630,9 @@ def _about_extra(message: str, context: typer.Context, arguments: Sequence[str])
     ]
     if is_number and numbers:
         return f"{known}; numbers are given with options, such as `{'`, `'.join(numbers[:3])}`"
+    at = arguments.index(extra) if extra in arguments else 0
+    if at > 1 and arguments[at - 2] in names:
+        return f"{known}; {arguments[at - 2]} takes one value"
     place = next((word for word in words if word not in same), extra)
     if "--place" in names and "--place" not in arguments and re.fullmatch(r"[a-z]\w*|-?[\d.]+(,-?[\d.]+){1,2}", place):
         return f"{known}; give a place with `--place {place}`"
@@ -651,6 +660,9 @@ def _with_argument_hint(message: str, arguments: Sequence[str]) -> str:
         here = [option for option in _writers(word, context.command, context) if not option.startswith(ending[1])]
         about = f"{word.upper()} is written with `{here[0]}`" if here else _written_elsewhere(word, context)
         return f"{message}; {about}" if about else message
+    missing = re.match(r"(.+): no such file", message)
+    if missing and len(files := re.split("[,:;]", missing[1])) > 1 and all(map(os.path.isfile, files)):
+        return f"{message}; write several files with spaces: {' '.join(files)}"
     missing = re.match(r"(.+): no such file(?:.*\(\*(\.\w+)\))?", message)
     return f"{message}{_similar_file(Path(missing[1]), missing[2] or '')}" if missing else message
 
