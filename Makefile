@@ -76,8 +76,8 @@ $(VENV)/tools: $(VENV)/installed requirements/foxglove.txt requirements/rooms.tx
 # with a window if there is a display; otherwise writes the same results to a new folder. What only fits and searches
 # need is compiled meanwhile
 demo: $(VENV)/installed $(VENV)/compiled_for_demo
-	@[ $(VENV)/compiled -nt $(VENV)/installed ] || \
-		(nice $(BIN)/python setup/compile_kernels.py && touch $(VENV)/compiled) >/dev/null 2>&1 &
+	@{ [ $(VENV)/compiled -nt $(VENV)/installed ] || \
+		{ nice $(BIN)/python setup/compile_kernels.py && touch $(VENV)/compiled; }; } >/dev/null 2>&1 &
 	$(BIN)/sonarhw demo
 
 # the firmware and the emulated board
