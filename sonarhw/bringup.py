@@ -17,7 +17,7 @@ from sonarhw.link import LinkStatistics, serial_ports
 from sonarhw.readings import Reading, ScanOrder, pings_in_place, sector
 from sonarhw.scan_check import most_common_range
 from sonarhw.wire.limits import PROTOCOL_MAJOR, PROTOCOL_MINOR
-from sonarhw.wire.messages import Feature, Input, ResetCause, Statistics
+from sonarhw.wire.messages import Feature, Input, Refusal, ResetCause, Statistics
 
 # the diagnoses of `sonarhw doctor`: each function judges what was measured, and states what to do
 
@@ -389,13 +389,14 @@ def _turntable(scanner: Scanner, plate: Plate | None) -> Iterator[Diagnosis]:
     detects_loss = Feature.LOST_STEPS in features
     if detects_loss:
         before, beyond = _over_marks(scanner.info.capabilities)
-        steps = judge_steps(_failure(scanner, lambda: (scanner.turn(before), scanner.turn(beyond))))
+        steps = _turned(scanner, lambda: (scanner.turn(before), scanner.turn(beyond)))
         yield steps
     around = _scanned(scanner, replace(_around(scanner.info.capabilities), sweeps=1 if detects_loss else 2))
     if isinstance(around, Diagnosis):
-        if not detects_loss or steps.verdict != "FAIL":
+        if not detects_loss or steps.verdict == "pass":
             yield around
-        yield from (skipped(check, "steps are lost") for check in ("echo moves", "direction", "plate"))
+        reason = "steps are lost" if around.verdict == "FAIL" else "the table does not turn as far as the check"
+        yield from (skipped(check, reason) for check in ("echo moves", "direction", "plate"))
         return
     moves = echo_moves(around, marked)
     if not detects_loss:
@@ -453,13 +454,21 @@ def _plate(scanner: Scanner, plate: Plate, mirrored: Sequence[str]) -> Iterator[
     yield at_plate if isinstance(at_plate, Diagnosis) else judge_plate(at_plate, plate.distance)
 
 
-def _failure(scanner: Scanner, act: Callable[[], object]) -> str | None:
-    """Return why an action failed; None if it succeeded."""
+def _turned(scanner: Scanner, act: Callable[[], object]) -> Diagnosis:
+    """Return the diagnosis of the steps after turns."""
     try:
         act()
     except DeviceError as error:
-        return _reason(scanner, error)
-    return None
+        return _not_turned(scanner, error)
+    return judge_steps(None)
+
+
+def _not_turned(scanner: Scanner, error: DeviceError) -> Diagnosis:
+    """Return the diagnosis that steps were lost, or that the device, which states no limits, turns less far."""
+    reason = _reason(scanner, error)
+    if isinstance(error, CommandRefused) and error.code == Refusal.OUT_OF_RANGE:
+        return skipped("steps", reason, "state the limits of the table in Capabilities (version 1.1)")
+    return judge_steps(reason)
 
 
 def _reason(scanner: Scanner, error: DeviceError) -> str:
@@ -467,11 +476,11 @@ def _reason(scanner: Scanner, error: DeviceError) -> str:
 
 
 def _scanned(scanner: Scanner, order: ScanOrder) -> list[Reading] | Diagnosis:
-    """Return the readings of a scan, or the diagnosis that steps were lost."""
+    """Return the readings of a scan, or the diagnosis of the steps if it failed."""
     try:
         return [*scanner.scan(order)]
     except DeviceError as error:
-        return judge_steps(_reason(scanner, error))
+        return _not_turned(scanner, error)
 
 
 # flashing: `make -C firmware images` builds `images/*.hex`, and a test compares them with a fresh build

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from sonarhw.bringup import Diagnosis
+from sonarhw.bringup import Diagnosis, examine
 from sonarhw.errors import NoAnswer
 from sonarhw.host.scanner import Scanner
 from sonarhw.protocol_check import check_protocol
@@ -144,6 +144,11 @@ def test_a_minimum_scanner_passes_every_stage_and_scans(language: str, tmp_path:
         assert len(stages) == 11
         with Scanner.open(port) as scanner:
             readings = list(scanner.scan(sector(0, 60, 10)))
+            turntable = {made.check: made for made in examine(scanner, True, None)}
+    assert (turntable["steps"].verdict, turntable["echo moves"].text) == (
+        "skip",
+        "the table does not turn as far as the check",
+    )
     assert [round(reading.angle * 57.29578) for reading in readings] == [0, 10, 20, 30, 40, 50]
     assert all(reading.echo_times == (0.006,) for reading in readings)
 
