@@ -264,7 +264,7 @@ TemperatureInRoom = Annotated[
     float | None,
     typer.Option(help="Temperature of the air, °C; default: the scanner's thermometer, else the room's, else 20."),
 ]
-FromDegrees = Annotated[float, typer.Option("--from", help="First heading, degrees.")]
+FromDegrees = Annotated[float, typer.Option("--from", help="First heading in the room, degrees.")]
 ToDegrees = Annotated[float, typer.Option("--to", help="End of the headings, degrees; excluded.")]
 StepDegrees = Annotated[float, typer.Option("--step", help="Step from one heading to the next, degrees.")]
 FromAngle = Annotated[float, typer.Option("--from", help="First turntable angle, degrees.")]

@@ -303,7 +303,8 @@ def echoes_of(ranges: ArrayLike, headings: int) -> FloatArray:
     if not 1 <= read.ndim <= 3 or 0 in read.shape[1:]:
         raise arguments.refusal("ranges", _RANGES, read)
     if len(read) != headings:
-        raise InputError(f"ranges: expected one row for each of {counted(headings, 'heading')}, got {len(read)}")
+        expected = f"ranges: expected one row for each of {counted(headings, 'heading')}"
+        raise InputError(f"{expected}, got {len(read)}{_rows_of_scans(read, headings)}")
     if (read <= 0).any():
         row = int(np.argwhere(read <= 0)[0, 0])
         raise InputError(f"ranges: expected metres above 0, got {read[read <= 0][0]:g} at index {row}; NaN is no echo")
@@ -312,6 +313,17 @@ def echoes_of(ranges: ArrayLike, headings: int) -> FloatArray:
     if (ordered[..., 1:] < ordered[..., :-1]).any():
         raise InputError("ranges: expected the echoes of each ping in order, the nearest first, and NaN after the last")
     return echoes
+
+
+def _rows_of_scans(ranges: FloatArray, headings: int) -> str:
+    """Return how ranges with a row for each scan are given; empty if they have none."""
+    if ranges.ndim != 2 or headings not in (ranges.shape[1], ranges.size):
+        return ""
+    scans, of_each = ranges.shape
+    return (
+        f"; {scans} scans of {of_each} headings are `scan_from_arrays(np.tile(headings, {scans}), ranges.ravel(), "
+        f"pose=np.repeat(poses, {of_each}, axis=0))`"
+    )
 
 
 def _times(times: ArrayLike, headings: int) -> FloatArray:
@@ -327,7 +339,9 @@ def _poses(pose: object, headings: int, degrees: bool) -> list[RobotPose] | None
         return None
     read = arguments.rows("pose", pose, (3,), "x and y in metres and a heading in radians")
     if len(read) != headings:
-        raise InputError(f"pose: expected one, or one for each of {counted(headings, 'heading')}, got {len(read)}")
+        each, left = divmod(headings, len(read))
+        way = "" if left or len(read) == 1 else f"; for {each} headings at each, `np.repeat(pose, {each}, axis=0)`"
+        raise InputError(f"pose: expected one, or one for each of {counted(headings, 'heading')}, got {len(read)}{way}")
     turns = arguments.in_radians("pose", read[:, 2], degrees)
     return [(x, y, turn) for (x, y, _), turn in zip(read.tolist(), turns.tolist(), strict=True)]
 

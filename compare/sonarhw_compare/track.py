@@ -300,6 +300,7 @@ class Tracker:
         angles = arguments.in_radians("headings", arguments.angles("headings", headings), False)
         echoes = echoes_of(ranges, len(angles))[:, 0, 0]
         self._move(step)
+        self._doubt(step)
         if len(angles):
             logs = self._likelihood(self._particles, angles, echoes)
             self._judge(logs, len(angles))
@@ -331,6 +332,13 @@ class Tracker:
                 headings + turn + (self._LEAST_TURN + turn_per_metre * way) * noise[:, 2],
             )
         )
+
+    def _doubt(self, step: FloatArray) -> None:
+        """Warn of a step that is probably in centimetres or degrees."""
+        if math.hypot(*step[:2]) > _LARGE_STEP:
+            warn_of_poses("odometry", self._room, self._particles[:, :2])
+        if abs(step[2]) > math.pi:
+            arguments.emit(f"odometry: a turn of {step[2]:g}, taken as radians; if it is degrees, use np.radians")
 
     def _judge(self, logs: FloatArray, readings: int) -> None:
         """Keep the mean of how well the best particle fits, per reading."""
@@ -370,6 +378,7 @@ class Tracker:
         return np.column_stack((positions, math.tau * self._random.random(count)))
 
 
+_LARGE_STEP = 1.0  # m, of an update
 _ODOMETRY = "three finite numbers: ahead and to the left in metres, and the turn to the left in radians"
 
 

@@ -852,9 +852,10 @@ def warn_of_poses(name: str, room: Room, positions: FloatArray, warn: Callable[[
     beyond = ((positions < ends.min(axis=0)) | (positions > ends.max(axis=0))).any(axis=1)
     if beyond.sum() > len(positions) / 2:
         (left, bottom), (right, top) = ends.min(axis=0), ends.max(axis=0)
+        many = f"{beyond.sum()} of {len(positions)} are" if len(positions) > 1 else "it is"
         warn(
-            f"{name}: {beyond.sum()} of {len(positions)} are beyond the walls, which are between {left:g}, {bottom:g} "
-            f"and {right:g}, {top:g} m; if they are centimetres, divide them by 100"
+            f"{name}: {many} beyond the walls, which are between {left:g}, {bottom:g} and {right:g}, {top:g} m; "
+            f"divide centimetres by 100"
         )
 
 

@@ -111,6 +111,25 @@ def test_poses_must_be_as_many_as_headings() -> None:
         sonarhw.scan_from_arrays(HEADINGS, np.ones(4), pose=POSES)
 
 
+def test_the_arrays_of_a_ring_are_refused_with_the_call_that_takes_them() -> None:
+    call = "6 scans of 4 headings are `scan_from_arrays(np.tile(headings, 6), ranges.ravel(), pose=np.repeat(poses, 4"
+    for headings in (HEADINGS, np.tile(HEADINGS, 6)):
+        with pytest.raises(InputError, match=re.escape(call)):
+            sonarhw.scan_from_arrays(headings, np.ones((6, 4)), pose=POSES)
+    with pytest.raises(InputError, match=re.escape("for 4 headings at each, `np.repeat(pose, 4, axis=0)`")):
+        sonarhw.scan_from_arrays(np.tile(HEADINGS, 6), np.ones(24), pose=POSES)
+
+
+@pytest.mark.parametrize(
+    ("step", "doubt"),
+    [((300.0, 0, 0), "odometry: .* beyond the walls"), ((0, 0, 20.0), "odometry: a turn of 20, taken as radians")],
+)
+def test_odometry_in_other_units_is_doubted(room: Room, step: tuple[float, float, float], doubt: str) -> None:
+    tracker = sonarhw.Tracker(room, "paper", tuple(POSES[0]), particles=20, model=Model.NEAREST)
+    with pytest.warns(UserWarning, match=doubt):
+        tracker.update(step, HEADINGS, np.ones(4))
+
+
 def test_poses_may_have_degrees() -> None:
     scan = sonarhw.scan_from_arrays([0, 90], [1, 1], pose=[[0, 0, 90], [0, 0, 180]], degrees=True)
     assert [reading.pose for reading in scan.readings] == [(0, 0, pytest.approx(math.pi / 2)), (0, 0, math.pi)]
