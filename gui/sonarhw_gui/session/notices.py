@@ -18,8 +18,8 @@ _MOST = 20  # a user who has not read the first of them does not need more
 
 
 # what ends a message: a scanner is connected, another room or log is opened, the scans or the scene of a search change,
-# the readings are shown at a place that was chosen or found
-Until: TypeAlias = Literal["connected", "scene replaced", "search changed", "placed"]
+# the readings are shown at a place that was chosen or found, the log grows
+Until: TypeAlias = Literal["connected", "scene replaced", "search changed", "placed", "grown"]
 
 
 class NoticeButton(NamedTuple):

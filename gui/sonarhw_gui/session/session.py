@@ -568,6 +568,7 @@ class WindowSession(QObject):
         replay = self.replay
         if replay is None or replay.path != path:
             return
+        self.notices.end("grown")
         replay.extend(log)
         self.showing.forecast.follow(replay.readings)
         self.tracking.follow(log.readings, whole=not log.torn)
@@ -576,7 +577,7 @@ class WindowSession(QObject):
 
     def _warn_of_torn(self, now: float) -> None:
         for warning in self._followed.due_warnings(now):
-            self.notices.warn(warning)
+            self.notices.add(Notice(warning, until="grown"))
 
     def _look_at_files(self, now: float) -> None:
         """Follow a log that grows, and offer to reload a changed room or board."""

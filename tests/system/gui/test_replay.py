@@ -323,7 +323,7 @@ def test_a_log_that_is_being_written_is_followed_to_its_end(
 def test_a_torn_log_that_is_not_written_any_more_is_reported(
     open_session: OpenSession, growing: tuple[Path, Callable[[float], None]]
 ) -> None:
-    path, _ = growing
+    path, grow = growing
     os.utime(path, (1.0, 1.0))
     session = open_session()
     session.open_file(str(path))
@@ -331,6 +331,9 @@ def test_a_torn_log_that_is_not_written_any_more_is_reported(
     kept = len(session.shown.readings)
     assert 0 < kept < ORDER.readings
     assert f"{kept} whole readings are shown; to repair it: `sonarhw log recover`" in session.notices.shown.text
+    grow(0.5)  # it is written after all
+    until(lambda: len(session.shown.readings) > kept)
+    assert session.notices.shown.text == ""
 
 
 @pytest.fixture
