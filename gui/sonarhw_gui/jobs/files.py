@@ -34,6 +34,7 @@ from sonarhw_gui.model.edits import room_and_place
 from sonarhw_gui.model.scene import Scene, first_place, scene_of_log, scene_with
 
 if TYPE_CHECKING:
+    from sonarhw_compare.corrections import Correction
     from sonarhw_compare.imports import ImportedScan
 
     from sonarhw.text.proposals import TextTable
@@ -142,6 +143,16 @@ def import_scan(file: Path, scan: "ImportedScan", folder: Path) -> Opened:
     path = free_name(folder, file.stem, LOG)
     write_scan(path, scan.metadata(), scan.readings)
     return replace(open_log(path), notice=f"{file.name} was imported as {path.name}, in {folder}")
+
+
+def correct_log(log: Path, correction: "Correction", folder: Path) -> Opened:
+    """Import a log again with clockwise angles or in another unit. Raises InputError, LogError, OutputError."""
+    from sonarhw_compare import imports  # takes 0.3 s
+
+    options = imports.ImportOptions(
+        turn="cw" if correction.turn < 0 else "", scale=None if correction.scale == 1.0 else correction.scale
+    )
+    return import_scan(log, imports.import_scan(log, options), folder)
 
 
 def open_room(room_name: Path | str, board: Board, unit: str = "") -> Opened:

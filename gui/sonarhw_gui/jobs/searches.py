@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     )
     from sonarhw_compare.fit.likelihood import ReadingNoise
     from sonarhw_compare.fit.result import FitWarning
-    from sonarhw_compare.locate import PoseSpread
+    from sonarhw_compare.locate import OtherReading, PoseSpread
     from sonarhw_compare.rooms.candidates import Support
     from sonarhw_compare.rooms.causes import FoundCauses
     from sonarhw_compare.rooms.draft import DraftPost, DraftWall, RoomDraft
@@ -162,6 +162,7 @@ class FitFound:
     solutions: "tuple[Mapping[Parameter, float], ...]"  # the best first
     within_5cm: float | None  # share of the echoes, before the fit
     fitted_within_5cm: tuple[float | None, ...]  # likewise, with each solution
+    otherwise: "OtherReading | None" = None  # the scan with clockwise angles or in another unit, which explains it
 
 
 def find_pose(shown: Shown, free: tuple[str, ...], everywhere: bool, job: BackgroundJob) -> FitFound:
@@ -186,7 +187,26 @@ def find_pose(shown: Shown, free: tuple[str, ...], everywhere: bool, job: Backgr
     )
     solutions = tuple(_values(result))
     after = tuple(_within_5cm(readings, fitted(scene, values, scene.board)[0]) for values in solutions)
-    return FitFound(scene, len(readings), everywhere, result, solutions, _within_5cm(readings, scene), after)
+    before, otherwise = _within_5cm(readings, scene), None
+    if everywhere and any(warning.kind == "few explained" for warning in result.warnings):
+        otherwise = _read_otherwise(readings, scene, job)
+    return FitFound(scene, len(readings), everywhere, result, solutions, before, after, otherwise)
+
+
+def _read_otherwise(readings: tuple[Reading, ...], scene: Scene, job: BackgroundJob) -> "OtherReading | None":
+    """Return the way to read a scan that explains it better than as it was read, if there is one."""
+    from sonarhw_compare.one_call import locate
+    from sonarhw_compare.scans import GivenScan
+
+    located = locate(
+        GivenScan("this scan", readings),
+        scene.room,
+        scene.board,
+        receiver=scene.options.receiver,
+        progress=lambda share: job.report(share, "reading it otherwise"),
+        warn=_ignored,
+    )
+    return located.better_read
 
 
 def _ignored(_doubt: str) -> None:
@@ -239,6 +259,9 @@ def solution_line(fit: FitFound, solution: int, unit: LengthUnit) -> str:
 
 def warnings(fit: FitFound) -> list[str]:
     """Return what the scan cannot determine, and whether the fit matches worse than before."""
+    if fit.otherwise is not None:
+        shares = f"{fit.otherwise.explained:.0%} instead of {_percent(fit.fitted_within_5cm[0])}"
+        return [f"probably read wrongly: {fit.otherwise.correction.name}, {shares} of the echoes are explained"]
     texts = [_warning_text(warning, fit.everywhere) for warning in fit.result.warnings]
     before, after = fit.within_5cm, fit.fitted_within_5cm[0]
     if before is not None and after is not None and after < before:

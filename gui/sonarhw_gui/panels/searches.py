@@ -157,10 +157,11 @@ class FitPanel(SearchPanel):
         self.table.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         self.accept = button("Accept", "Move the sensor there; Undo moves it back", self._accept)
         self.discard = button("Discard", "", session.fitting.cancel)
+        self.reread = button("", "Import the log again in this way, and find its pose", self._reread)
         self.decision = self.accept
         request, self._result = QtWidgets.QGroupBox("Free parameters"), QtWidgets.QGroupBox("Result")
         stacked(request, *self.free.values(), self.where, self.begin)
-        stacked(self._result, self.solutions, self.table, self.notes, (self.accept, self.discard))
+        stacked(self._result, self.solutions, self.table, self.notes, self.reread, (self.accept, self.discard))
         stacked(self, request, (self.progress, self.cancel), self.note, self._result, None)
         for box in self.free.values():
             box.toggled.connect(self._enable)
@@ -209,6 +210,8 @@ class FitPanel(SearchPanel):
             self.solutions.addItems([searches.solution_line(fit, k, self._shown.look.unit) for k in range(count)])
             self.solutions.setCurrentIndex(min(chosen, count - 1))
             self.solutions.setVisible(count > 1)
+            self.reread.setVisible(fit.otherwise is not None)
+            self.reread.setText("" if fit.otherwise is None else f"Read {fit.otherwise.correction.name}")
             self._draw_solution()
         else:
             self._session.showing.propose(None)
@@ -235,6 +238,10 @@ class FitPanel(SearchPanel):
             return proposed_pose(scene.room, searches.fitted(scene, fit.solutions[solution], fit.scene.board)[0])
         except (InputError, ValueError):
             return None
+
+    @Slot()
+    def _reread(self) -> None:
+        self._session.correct_log(self._state.answer.otherwise.correction)
 
     @Slot()
     def _accept(self) -> None:

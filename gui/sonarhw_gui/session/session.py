@@ -46,6 +46,7 @@ from sonarhw_gui.session.source import Replay, Source, doubt_in
 from sonarhw_gui.session.status import PredictionState, ReplayState, Status
 
 if TYPE_CHECKING:
+    from sonarhw_compare.corrections import Correction
     from sonarhw_compare.imports import ImportedScan
 
 # The timer of the window: it ticks regularly, and sooner when a reading has arrived.
@@ -352,6 +353,12 @@ class WindowSession(QObject):
         """Write a scan of another program as a log in the folder of recordings, open it, and find its pose if asked."""
         take = self._take_unplaced if find_pose else self._take_log
         self._open("import a scan", files.import_scan, file, scan, self.live.settings.folder, take=take)
+
+    def correct_log(self, correction: "Correction") -> None:
+        """Import the log shown again with a correction, and find its pose."""
+        path, folder = self.source.path, self.live.settings.folder
+        if path is not None:
+            self._open("import a scan", files.correct_log, path, correction, folder, take=self._take_unplaced)
 
     def _take_unplaced(self, opened: files.Opened) -> None:
         self._take_log(opened)

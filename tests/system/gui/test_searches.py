@@ -33,8 +33,10 @@ from sonarhw_gui.window.window import MainWindow
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.room import load_room
 
+import sonarhw
 from sonarhw.errors import InputError
-from sonarhw.log import read_log
+from sonarhw.log import LogMetadata, read_log
+from sonarhw.log.writer import write_scan
 from tests.checkout import CHECKOUT
 from tests.fixtures.rooms_for_tests import write_yard
 from tests.system.gui.conftest import OpenSession, OpenWith
@@ -122,6 +124,28 @@ def test_a_pose_is_found_cancelled_discarded_and_accepted_from_all_solutions(
     session.leave_replay()  # other readings
     assert not fitting.state.running
     assert (panel.begin.isEnabled(), panel.cancel.isVisible()) == (False, False)
+
+
+def test_a_scan_with_angles_read_the_wrong_way_is_read_again_and_found(open_with: OpenWith, tmp_path: Path) -> None:
+    corners = [[0, 0], [1.6, 0], [1.6, 0.7], [0.9, 0.7], [0.9, 1.2], [0, 1.2]]
+    room, board = sonarhw.room_from_arrays(corners, places={"here": (0.4, 0.4)}), load_board("polaroid-6500")
+    angles = np.radians(np.arange(0.0, 360.0, 10.0))
+    ranges = sonarhw.predict_ranges(room, [(0.55, 0.5, 1.7)], angles, board)[0]
+    scan = sonarhw.scan_from_arrays(-angles[::-1], ranges[::-1])
+    metadata = LogMetadata("import", 1e9, "room.toml", room.text, board=board.name, board_text=board.text)
+    write_scan(tmp_path / "scan.mcap", metadata, scan.readings)
+    window = open_with(scene=scene_with(board, room, room.place("here"), "room.toml"))
+    session, panel, fitting = window.session, window.fit_panel, window.session.fitting
+    session.open_file(str(tmp_path / "scan.mcap"))
+    until(lambda: len(session.shown.readings) == len(angles))
+    window.find_pose_anywhere()
+    until(lambda: fitting.state.answer is not None)
+    assert "probably read wrongly: with clockwise angles" in panel.notes.text()
+    push(panel.reread)
+    until(lambda: Path(session.log_file).parent.name == "recordings")
+    until(lambda: fitting.state.running)  # the pose of the new log
+    read = {round(math.degrees(one.angle)) % 360: one.range for one in session.shown.readings}
+    assert [read[round(math.degrees(angle))] for angle in angles] == pytest.approx(ranges.tolist(), abs=1e-5)
 
 
 # causes of misfits
