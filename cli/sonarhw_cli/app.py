@@ -189,7 +189,10 @@ _OTHER_OPTIONS = (
     _Instead("all reflections that the board can detect are followed", "bounces max-bounces order reflections", "ROOM"),
     _Instead("the other scan is --with LOG", "against baseline log2 other reference second"),
     _Instead("what --free does not name is fixed", "constant fix fixed hold keep"),
-    _Instead("the speed is --speed, such as --speed 2", "factor fast rate"),
+    _Instead("the speed is --speed, such as --speed 2", "factor fast pace rate"),
+    _Instead("the speed is --pace, such as --pace 10 or --pace max", "factor fast rate realtime speed"),
+    _Instead("the protocol is --foxglove", "protocol ros ros2 rosbridge websocket ws"),
+    _Instead("it is served with --pty LINK or --tcp HOST:PORT", "com device link serial socket tty url"),
     _Instead("clockwise angles are --turn cw", "clockwise cw flip invert reverse"),
     _Instead(
         "the columns are --heading NAME and --range NAME",
@@ -391,6 +394,7 @@ def _missing_argument(context: typer.Context, arguments: Sequence[str]) -> str:
 
 def _about_word(word: str, parameters: Sequence[Any], context: typer.Context) -> str:
     """Return options whose help contains a word, or the most similar option of another command, after a semicolon."""
+    word = re.sub("^(no|not|with|without|enable|disable|use)-", "", word)
     stem = _WORDS_OF_HELP.get(word, re.sub("(ies|y|s)$", "", word.partition("-")[0]))
     if len(stem) > _SHORTENED and stem not in ("from", "with"):
         having = [p for p in parameters if re.search(rf"(?i)\b{re.escape(stem)}", p.help or "")][:2]
@@ -423,6 +427,8 @@ def _written_elsewhere(word: str, context: typer.Context) -> str:
     if word == "pdf" and _writers("html", context.command, context):
         return "a browser prints HTML as PDF"
     argument = next((p.metavar for p in context.command.params if p.param_type_name == "argument"), None)
+    if _writers("mcap", context.command, context):
+        argument = "LOG"  # others read the log that it writes
     same = [(path, c) for path, c in _all_commands(context) if any(argument == p.metavar for p in c.params[:1])]
     others = [f"`{path} {argument} {option}`" for path, c in same for option in _writers(word, c, context)[:1]]
     if not argument or not others or _writers(word, context.command, context):
@@ -589,6 +595,9 @@ def _about_extra(message: str, context: typer.Context, arguments: Sequence[str])
     is_number = re.fullmatch(r"-?[\d.]+", extra) is not None
     is_size = is_number or re.fullmatch(r"[x×*]|by|[\d.]+(m|cm|mm)", extra) is not None
     known = f"{message}; expected `{_usage(context)}`; see `{context.command_path} --help`"
+    host = next((word for word, after in pairwise(arguments) if after == extra and word.startswith("socket://")), "")
+    if host and extra.isdecimal():
+        return f"{known}; write `{host}:{extra}`"
     if re.fullmatch(r"\d{4,}", extra) and (rate := _instead("baud", context)):
         return f"{known}; {rate}"
     if extra in ("from", "to", "step", "by") and "--step" in names:

@@ -541,8 +541,14 @@ _DRAWINGS = (".dxf", ".geojson", ".sdf", ".svg", ".world", ".yaml", ".yml")
 _URL = re.compile(r"/dev/(tty|cu\.|serial)|COM\d+$|[a-z0-9]{3,}://|(fake|lines):")
 # what each kind is, and what to do with it; `{name}` is the word
 _KINDS = {
-    "log": ("a log", "`sonarhw compare {name}` compares it with its prediction, `sonarhw gui {name}` shows it"),
-    "room": ("a room file", "`sonarhw simulate {name}` predicts a scan in it, `sonarhw room check {name}` checks it"),
+    "log": (
+        "a log",
+        "`sonarhw compare {name}` explains it, `sonarhw gui {name}` shows it, `sonarhw replay {name}` serves it",
+    ),
+    "room": (
+        "a room file",
+        "`sonarhw simulate {name}` predicts a scan in it, `sonarhw fake {name}` serves a scanner in it",
+    ),
     "shipped room": ("a shipped room", "`sonarhw simulate {name}` predicts a scan in it"),
     "board": ("a board profile", "`sonarhw profile check {name}` checks it"),
     "shipped board": ("a shipped board", "`sonarhw simulate ROOM --board {name}` predicts with it"),

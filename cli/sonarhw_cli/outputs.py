@@ -149,8 +149,7 @@ def checked_out(
         *others, last = [name for name in suffixes if name != STDOUT]
         wanted = f"{', '.join(others)} or {last}" if others else last
         stdout = f", or {STDOUT} for standard output" if STDOUT in suffixes else ""
-        export = "; `sonarhw log export` converts a log" if wanted == ".mcap" and suffix in (".csv", ".npz") else ""
-        raise InputError(f"{option} {out}: expected a name ending in {wanted}{stdout}{export}")
+        raise InputError(f"{option} {out}: expected a name ending in {wanted}{stdout}")
     _refuse_existing(path, force, option)
     _refuse_overwriting(path, *inputs, option=option)
     return suffix
