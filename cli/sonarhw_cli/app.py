@@ -306,7 +306,7 @@ def _with_help(message: str, error: typer.TyperException, arguments: Sequence[st
     if message.startswith("Got unexpected "):
         return _about_extra(message.rstrip("."), context, arguments)
     if message.startswith("Missing ") or getattr(getattr(error, "param", None), "param_type_name", "") == "argument":
-        hint = "; `sonarhw ports` lists the scanners" if message.startswith("Missing argument 'URL'") else ""
+        hint = "; `sonarhw ports` lists the scanners" if re.match("Missing argument '(URL|PORT)'", message) else ""
         value = message.partition(" ")[2].partition(": expected")[0]
         if options.kind_of(value) == "URL":
             hint = "; write them in this order"
@@ -592,6 +592,8 @@ def _about_extra(message: str, context: typer.Context, arguments: Sequence[str])
     """Return the message about an argument too many, with how to write a place, a size, a room or a second log."""
     names = {name for parameter in context.command.params for name in parameter.opts}
     extra = message.removesuffix(")").rpartition("(")[2].split(" ")[0]
+    if extra.startswith("--"):
+        return _about_option(f"No such option: {extra}", context, arguments)
     is_number = re.fullmatch(r"-?[\d.]+", extra) is not None
     is_size = is_number or re.fullmatch(r"[x×*]|by|[\d.]+(m|cm|mm)", extra) is not None
     known = f"{message}; expected `{_usage(context)}`; see `{context.command_path} --help`"
@@ -643,6 +645,8 @@ def _about_extra(message: str, context: typer.Context, arguments: Sequence[str])
     if at > 1 and arguments[at - 2] in names:
         return f"{known}; {arguments[at - 2]} takes one value"
     place = next((word for word in words if word not in same), extra)
+    if same and "--place" not in names:
+        return f"{known}; {accepted[0].metavar} is {same[0]}: leave out {place}"
     if "--place" in names and "--place" not in arguments and re.fullmatch(r"[a-z]\w*|-?[\d.]+(,-?[\d.]+){1,2}", place):
         return f"{known}; give a place with `--place {place}`"
     return known

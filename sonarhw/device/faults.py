@@ -81,6 +81,8 @@ def read_faults(spec: str) -> Faults:
     lasting: dict[str, float | tuple[int, int] | WiringFault] = {}
     events = []
     for entry in filter(None, map(str.strip, spec.split(","))):
+        if " " in entry:
+            raise InputError(f"fault {entry!r}: write commas between faults, such as drop=1/5000,reset@r20")
         what, separator, moment = entry.partition("@")
         name, equals, value = what.partition("=")
         if name in _KINDS:
