@@ -21,7 +21,7 @@ from sonarhw_gui.jobs.jobs import Jobs
 from sonarhw_gui.model.shown import Shown
 from sonarhw_gui.views.base import Gestures
 from sonarhw_gui.views.plan import PlanDrawing
-from sonarhw_gui.widgets import FlowLayout, NumberField, PlainLabel, cell, short_list, text_table
+from sonarhw_gui.widgets import FlowLayout, NumberField, PlainLabel, cell, short_list, stacked, text_table
 
 _READING = "read a scan"
 _RECOGNISED = "as recognised"
@@ -147,10 +147,11 @@ class ImportDialog(QtWidgets.QDialog):
         left.addWidget(self.decimal_comma)
         scroll = QtWidgets.QScrollArea(widgetResizable=True)
         scroll.setFrameShape(QtWidgets.QFrame.Shape.NoFrame)
-        scroll.setWidget(self.note)
+        said = QtWidgets.QWidget()
+        stacked(said, self.note, self.answers, None).setContentsMargins(0, 0, 0, 0)
+        scroll.setWidget(said)
         scroll.setFocusPolicy(Qt.FocusPolicy.NoFocus)
         left.addWidget(scroll, stretch=2)
-        left.addWidget(self.answers)
         left.addWidget(self.preview, stretch=3)
         self._left.setLayout(left)
         self._left.setMinimumWidth(_FORM_WIDTH)
