@@ -187,6 +187,12 @@ class UnsavedRoom(BaseModel):
         named = (self.opened.room_file, self.room_name) == (scene.room_file, room_name(scene))
         return named or room_text(scene) in (self.room_text, self.opened.room_text)
 
+    @property
+    def is_only_moved(self) -> bool:
+        """Whether the sensor alone has moved."""
+        opened, changed = self.opened, self.changed
+        return (changed.room_text, changed.board_text) == (opened.room_text, opened.board_text)
+
     def is_shown_by(self, scene: Scene) -> bool:
         """Return whether `scene` contains all these changes."""
         board_as_it_was = self.changed.board_text in (self.opened.board_text, scene.board.text)
@@ -343,7 +349,8 @@ class UnsavedRooms:
         """Ask whether to restore the changes in a file."""
         name = unsaved.opened.room_file or unsaved.room_name
         when = time.strftime("%d %B at %H:%M", time.localtime(unsaved.when)).lstrip("0")
-        text = f"{name} has unsaved changes, made in the window on {when}"
+        changes = ": the sensor was moved" if unsaved.is_only_moved else " has unsaved changes, made"
+        text = f"{name}{changes} in the window on {when}"
         if scene.room and scene.room.text != unsaved.opened.room_text:
             text += "; the file has changed since then"
         restore, discard = NoticeButton("Restore", self._restore, path), NoticeButton("Discard", self._discard, path)

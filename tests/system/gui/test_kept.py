@@ -276,6 +276,16 @@ def test_changes_are_restored_after_another_file_was_opened_or_a_crash(
     assert after_a_crash.shown.scene.room.text == session.shown.scene.room.text
 
 
+def test_a_found_pose_is_not_called_a_change_of_the_room(start: Start) -> None:
+    session = start(ROOM)
+    session.showing.edit(*sensor_at(session.shown.scene, (0.4, 0.3)))
+    session.close()
+    session = start(ROOM)
+    assert "simple.toml: the sensor was moved in the window on" in question(session)
+    session.notices.accept()
+    assert session.shown.scene.pose.position == (0.4, 0.3)
+
+
 def test_a_dismissed_question_comes_again_and_discarded_changes_do_not(start: Start) -> None:
     session = start(ROOM)
     draw(session)
