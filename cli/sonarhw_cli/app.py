@@ -193,6 +193,9 @@ _OTHER_OPTIONS = (
     _Instead("the speed is --pace, such as --pace 10 or --pace max", "factor fast rate realtime speed"),
     _Instead("the protocol is --foxglove", "protocol ros ros2 rosbridge websocket ws"),
     _Instead("it is served with --pty LINK or --tcp HOST:PORT", "com device link serial socket tty url"),
+    _Instead("the direction of the angle 0 is --heading-zero", "angle-offset offset rotate rotation shift zero"),
+    _Instead("the range that means no echo is --no-echo", "inf invalid max-range missing na nan none null"),
+    _Instead("the speed of sound is --speed-of-sound", "air c sound-speed temp temperature"),
     _Instead("clockwise angles are --turn cw", "clockwise cw flip invert reverse"),
     _Instead(
         "the columns are --heading NAME and --range NAME",
@@ -288,7 +291,7 @@ _FIRST_COMMANDS = {
     "URL": "scan {} --out LOG.mcap",
 }
 _OF_A_FILE = {"log": "info", "profile": "check", "room": "check"}  # the command of a group that describes a file
-_UNIT = re.compile(r"(degrees|metres|seconds|Hz|°C)\b")
+_UNIT = re.compile(r"(degrees|metres|seconds|Hz|°C|m/s)\b")
 
 
 def _with_help(message: str, error: typer.TyperException, arguments: Sequence[str]) -> str:
@@ -343,8 +346,14 @@ def _about_option(message: str, context: typer.Context, arguments: Sequence[str]
         return f"{message}; did you mean `{same}`?"
     see = f"; see `{context.command_path} --help`"
     value = next((value for given, value in pairwise(arguments) if given == option), "")
-    if f"--{value}" in names:
-        return f"{message}; did you mean `--{value}`?"
+    argument = next((p for p in context.command.params if p.param_type_name == "argument"), None)
+    kinds = options.expected_of(argument, context.command)[0].split("|") if argument else []
+    if options.kind_of(value) in kinds and (missing := _missing_argument(context, arguments)):
+        return f"{message}; expected `{_usage(context)}`, where {missing} stands without an option before it{see}"
+    by_value = "" if f"--{word}" in names else _by_value(value, context)
+    meant = [f"--{value}", f"--{word.removesuffix('s')}"] if len(word) > 1 else []
+    if known := next((name for name in meant if name in names), by_value):
+        return f"{message}; did you mean `{known}`?"
     ending = Path(value).suffix.removeprefix(".").lower() if word in (*_SAVE, *_PICTURES) else ""
     ending = value if word in ("format", "type") else ending
     if f"--{word}" not in names and (written_as := _about_format(ending, context) or _about_format(word, context)):
@@ -354,13 +363,16 @@ def _about_option(message: str, context: typer.Context, arguments: Sequence[str]
         known = next((f"--{part}" for part in parts if f"--{part}" in names), "")
         if known and not _instead(word, context):
             return f"{message}; did you mean `{known}`?"
-        if instead := next(filter(None, (_instead(part, context) for part in (word, *parts))), ""):
+        if instead := next(
+            filter(None, (_instead(part, context) for part in (word, word.removesuffix("s"), *parts))), ""
+        ):
             return f"{message}; {instead}{see}"
     longer = [name for name in names if len(word) > 2 and name.startswith(option)]
     if len(word) == 1 and context.parent is not None:
         longer = [name for name in names if name.startswith(f"-{option}")][:_MOST_LISTED]
     others = {path: p.help for path, command in _all_commands(context) for p in command.params if option in p.opts}
-    if similar := written or longer or ([] if others else difflib.get_close_matches(option, names, cutoff=_ALIKE)):
+    close = difflib.get_close_matches(option, names, cutoff=_ALIKE)
+    if similar := written or longer or ([] if others else [name for name in close if _is_alike(option, name)]):
         return f"{message}; did you mean {' or '.join(f'`{name}`' for name in similar)}?"
     if word in getattr(context.find_root().command, "commands", {}):
         return f"{message}; `sonarhw {word}` is a command of its own"
@@ -381,6 +393,21 @@ def _about_option(message: str, context: typer.Context, arguments: Sequence[str]
     if 0 < len(names) <= _MOST_LISTED:
         return f"{message}; its options: {', '.join(names)}"
     return f"{message}{_about_word(word, parameters, context)}{see}"
+
+
+def _by_value(value: str, context: typer.Context) -> str:
+    """Return the option that takes a value, by the values that its help lists; empty for an unknown value."""
+    if re.fullmatch("[a-z][a-z0-9-]+", value):
+        for parameter in context.command.params:
+            written = _written_option(parameter, context) if parameter.param_type_name == "option" else ""
+            if re.search(rf"([|:,]| or) ?{value}([|,.;]|$)", f"{written.replace(' ', '|')} {parameter.help}"):
+                return f"{parameter.opts[0]} {value}"
+    return ""
+
+
+def _is_alike(word: str, name: str) -> bool:
+    """Report whether a similar name is probably a misspelt one: of the same length, or with the same start."""
+    return abs(len(word) - len(name)) <= 1 or word.startswith(name) or word[:6] == name[:6]  # with two hyphens
 
 
 def _missing_argument(context: typer.Context, arguments: Sequence[str]) -> str:
@@ -594,6 +621,10 @@ def _about_extra(message: str, context: typer.Context, arguments: Sequence[str])
     extra = message.removesuffix(")").rpartition("(")[2].split(" ")[0]
     if extra.startswith("--"):
         return _about_option(f"No such option: {extra}", context, arguments)
+    # place=desk, or a dash of a text editor in place of two hyphens
+    meant = re.fullmatch(r"[—–−]?-?([a-z][a-z-]*)(?:=(.+))?", extra)
+    if meant and f"--{meant[1]}" in names and (meant[2] or extra[0] != meant[1][0]):
+        return f"{message}; did you mean `{' '.join(filter(None, (f'--{meant[1]}', meant[2])))}`?"
     is_number = re.fullmatch(r"-?[\d.]+", extra) is not None
     is_size = is_number or re.fullmatch(r"[x×*]|by|[\d.]+(m|cm|mm)", extra) is not None
     known = f"{message}; expected `{_usage(context)}`; see `{context.command_path} --help`"
@@ -626,7 +657,9 @@ def _about_extra(message: str, context: typer.Context, arguments: Sequence[str])
     same = [word for word in words if (kind := options.kind_of(word)) and kind in kinds.split("|")]
     flags = {name for p in context.command.params if getattr(p, "is_flag", False) for name in p.opts}
     if flag := next((flag for flag, word in pairwise(arguments) if flag in flags and word in {*words} - {*same}), ""):
-        return f"{known}; {flag} takes no value"
+        file = next((word for word in words if word not in same and Path(word).suffix), "")
+        writes = f"; `> {shlex.quote(file)}` behind the command writes its output to a file" if file else ""
+        return f"{known}; {flag} takes no value{writes}"
     if "compare" in arguments and len(same) == 2:
         return f"{known}; to compare two logs, use `sonarhw compare A.mcap --with B.mcap`"
     if accepted and len(same) == len(words):
@@ -673,7 +706,12 @@ def _with_argument_hint(message: str, arguments: Sequence[str]) -> str:
         here = [option for option in _writers(word, context.command, context) if not option.startswith(ending[1])]
         about = f"{word.upper()} is written with `{here[0]}`" if here else _written_elsewhere(word, context)
         return f"{message}; {about}" if about else message
+    in_room = re.match(r"(?:unknown room ')?(\w+)[/:](\w+)'?[:;]", message)
+    if in_room and in_room[1] in options.complete_room(in_room[1]):
+        return f"{message}; a place is given with `{in_room[1]} --place {in_room[2]}`"
     missing = re.match(r"(.+): no such file", message)
+    if missing and os.path.isfile(value := missing[1].partition("=")[2]):
+        return f"{message}; did you mean `{value}`?"
     if missing and len(files := re.split("[,:;]", missing[1])) > 1 and all(map(os.path.isfile, files)):
         return f"{message}; write several files with spaces: {' '.join(files)}"
     missing = re.match(r"(.+): no such file(?:.*\(\*(\.\w+)\))?", message)
