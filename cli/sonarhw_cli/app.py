@@ -240,6 +240,7 @@ _OTHER_OPTIONS = (
     ),
     _Instead("its size is --size WxD in metres, such as --size 3.2x2.4", "depth dimensions height length width"),
     _Instead("a reading matches within 5 cm, which is fixed", "threshold tolerance within", option="--find-missing"),
+    _Instead("the draws for the credible intervals are --samples", "chains draws iterations mcmc n steps"),
     _Instead("processes are --workers N", "cores j jobs n-jobs processes threads"),
     _Instead("an existing file is replaced with --force", "f overwrite replace y yes"),
     _Instead("`sonarhw gui` opens it in the window", "display show view", "LOG"),
@@ -398,6 +399,7 @@ def _about_option(message: str, context: typer.Context, arguments: Sequence[str]
 def _by_value(value: str, context: typer.Context) -> str:
     """Return the option that takes a value, by the values that its help lists; empty for an unknown value."""
     if re.fullmatch("[a-z][a-z0-9-]+", value):
+        parameter: Any
         for parameter in context.command.params:
             written = _written_option(parameter, context) if parameter.param_type_name == "option" else ""
             if re.search(rf"([|:,]| or) ?{value}([|,.;]|$)", f"{written.replace(' ', '|')} {parameter.help}"):
@@ -624,7 +626,7 @@ def _about_extra(message: str, context: typer.Context, arguments: Sequence[str])
     # place=desk, or a dash of a text editor in place of two hyphens
     meant = re.fullmatch(r"[—–−]?-?([a-z][a-z-]*)(?:=(.+))?", extra)
     if meant and f"--{meant[1]}" in names and (meant[2] or extra[0] != meant[1][0]):
-        return f"{message}; did you mean `{' '.join(filter(None, (f'--{meant[1]}', meant[2])))}`?"
+        return f"{message}; did you mean `--{meant[1]}{' ' if meant[2] else ''}{meant[2] or ''}`?"
     is_number = re.fullmatch(r"-?[\d.]+", extra) is not None
     is_size = is_number or re.fullmatch(r"[x×*]|by|[\d.]+(m|cm|mm)", extra) is not None
     known = f"{message}; expected `{_usage(context)}`; see `{context.command_path} --help`"
@@ -648,8 +650,8 @@ def _about_extra(message: str, context: typer.Context, arguments: Sequence[str])
         return f"{known}; {advice}"
     if not accepted and Path(extra).suffix:
         return f"{known}; `{context.command_path} > {shlex.quote(extra)}` writes its output to a file"
-    if not accepted and (meant := _commands_by_word().get(extra)):
-        return f"{message}; did you mean `sonarhw {meant}`?"
+    if not accepted and (command := _commands_by_word().get(extra)):
+        return f"{message}; did you mean `sonarhw {command}`?"
     extras = f" {message.rpartition('(')[2].removesuffix(')')} "
     words = [str(context.params[p.name]) for p in accepted if context.params.get(p.name)]
     words += [word for word in arguments if f" {word} " in extras]
@@ -687,11 +689,18 @@ def _about_extra(message: str, context: typer.Context, arguments: Sequence[str])
 
 def _with_argument_hint(message: str, arguments: Sequence[str]) -> str:
     """Return the message of a command with how to write a pair or a list if it is written with a space."""
+    context = _context_of(arguments)
+    flags = {name for p in context.command.params if getattr(p, "is_flag", False) for name in p.opts}
+    after = next(
+        (flag for flag, word in pairwise(arguments) if flag in flags and message.startswith(f"{word}: no ")), ""
+    )
+    if after:
+        return f"{message}; {after} takes no value"
     stray = re.match(r"(\S+): no such file|.*, (\S+): expected the URL of one scanner", message)
     words = (
         [stray[1] or stray[2]] if stray else arguments if message.startswith("--place: expected one for each") else ()
     )
-    if joined := next(filter(None, (_joined(word, _context_of(arguments), arguments) for word in words)), ""):
+    if joined := next(filter(None, (_joined(word, context, arguments) for word in words)), ""):
         return f"{message}; {joined}"
     fake = next((word for word in arguments if word.startswith("fake:") and "?" not in word), "")
     if fake and (place := re.match("--place needs --room: (\\S+) is a place", message)):
@@ -702,7 +711,7 @@ def _with_argument_hint(message: str, arguments: Sequence[str]) -> str:
     if size := re.match(r"(?:unknown room ')?([\d.]+[x×][\d.]+)'?[:;]", message):
         return f"{message}; `sonarhw room new NAME.toml --size {size[1]}` writes a room of this size"
     if ending := re.match(r"(--\w+) .*\.(\w+): expected a name ending in", message):
-        context, word = _context_of(arguments), ending[2].lower()
+        word = ending[2].lower()
         here = [option for option in _writers(word, context.command, context) if not option.startswith(ending[1])]
         about = f"{word.upper()} is written with `{here[0]}`" if here else _written_elsewhere(word, context)
         return f"{message}; {about}" if about else message
