@@ -80,7 +80,7 @@ _OTHER_WORDS = {
     "doctor": "diagnose selftest self-test test",
     "fake": "emulate emulator mock simulator virtual",
     "fit": "adjust optimise optimize",
-    "flash": "build burn compile install program update upgrade upload",
+    "flash": "build burn compile firmware install program update upgrade upload",
     "gui": "chart display draw edit graph live load open show view viewer visualise visualize window",
     "home": "reset zero",
     "import": "bag convert rosbag",
@@ -88,7 +88,7 @@ _OTHER_WORDS = {
     "locate": "find localisation localise localization localize pose position",
     "log export": "csv dump extract save",
     "log info": "describe inspect statistics stats summary",
-    "map": "combine merge slam",
+    "map": "combine find-room merge slam",
     "monitor": "debug echo listen minicom miniterm putty screen sniff tail terminal topic watch",
     "ports": "config configure detect devices discover list search serial setup",
     "ports --guess": "arduino guess identify radar sketch",
@@ -351,8 +351,9 @@ def _about_option(message: str, context: typer.Context, arguments: Sequence[str]
     kinds = options.expected_of(argument, context.command)[0].split("|") if argument else []
     if options.kind_of(value) in kinds and (missing := _missing_argument(context, arguments)):
         return f"{message}; expected `{_usage(context)}`, where {missing} stands without an option before it{see}"
-    by_value = "" if f"--{word}" in names else _by_value(value, context)
-    meant = [f"--{value}", f"--{word.removesuffix('s')}"] if len(word) > 1 else []
+    close = [name for name in difflib.get_close_matches(option, names, cutoff=_ALIKE) if _is_alike(option, name)]
+    by_value = "" if close or f"--{word}" in names else _by_value(value, context)
+    meant = [f"--{word.removesuffix('s')}", *(() if close else [f"--{value}"])] if len(word) > 1 else []
     if known := next((name for name in meant if name in names), by_value):
         return f"{message}; did you mean `{known}`?"
     ending = Path(value).suffix.removeprefix(".").lower() if word in (*_SAVE, *_PICTURES) else ""
@@ -372,8 +373,7 @@ def _about_option(message: str, context: typer.Context, arguments: Sequence[str]
     if len(word) == 1 and context.parent is not None:
         longer = [name for name in names if name.startswith(f"-{option}")][:_MOST_LISTED]
     others = {path: p.help for path, command in _all_commands(context) for p in command.params if option in p.opts}
-    close = difflib.get_close_matches(option, names, cutoff=_ALIKE)
-    if similar := written or longer or ([] if others else [name for name in close if _is_alike(option, name)]):
+    if similar := written or longer or ([] if others else close):
         return f"{message}; did you mean {' or '.join(f'`{name}`' for name in similar)}?"
     if word in getattr(context.find_root().command, "commands", {}):
         return f"{message}; `sonarhw {word}` is a command of its own"
@@ -524,7 +524,7 @@ def _meant(message: str, context: typer.Context, arguments: Sequence[str]) -> st
         return f"{path} {longer[0]}"
     if opened := _command_for(word):
         return f"{path} {later} {word}" if later else f"{path} {opened}"
-    every = re.split("[-_]", word)
+    every = ["profile" if part == "board" else part for part in re.split("[-_]", word)]
     for group in every:
         if member := next((part for part in every if part in getattr(groups.get(group), "commands", {})), ""):
             return f"{path} {group} {member}"
@@ -680,6 +680,8 @@ def _about_extra(message: str, context: typer.Context, arguments: Sequence[str])
     if at > 1 and arguments[at - 2] in names:
         return f"{known}; {arguments[at - 2]} takes one value"
     place = next((word for word in words if word not in same), extra)
+    if spaced := _spaced(arguments):
+        return f"{known}; {spaced}"
     if same and "--place" not in names:
         return f"{known}; {accepted[0].metavar} is {same[0]}: leave out {place}"
     if "--place" in names and "--place" not in arguments and re.fullmatch(r"[a-z]\w*|-?[\d.]+(,-?[\d.]+){1,2}", place):
@@ -719,12 +721,22 @@ def _with_argument_hint(message: str, arguments: Sequence[str]) -> str:
     if in_room and in_room[1] in options.complete_room(in_room[1]):
         return f"{message}; a place is given with `{in_room[1]} --place {in_room[2]}`"
     missing = re.match(r"(.+): no such file", message)
+    if missing and (spaced := _spaced(arguments)):
+        return f"{message}; {spaced}"
     if missing and os.path.isfile(value := missing[1].partition("=")[2]):
         return f"{message}; did you mean `{value}`?"
     if missing and len(files := re.split("[,:;]", missing[1])) > 1 and all(map(os.path.isfile, files)):
         return f"{message}; write several files with spaces: {' '.join(files)}"
     missing = re.match(r"(.+): no such file(?:.*\(\*(\.\w+)\))?", message)
     return f"{message}{_similar_file(Path(missing[1]), missing[2] or '')}" if missing else message
+
+
+def _spaced(arguments: Sequence[str]) -> str:
+    """Return how to write the name of a file that the shell has divided at a space, or an empty text."""
+    name = next(
+        (f"{first} {second}" for first, second in pairwise(arguments) if os.path.isfile(f"{first} {second}")), ""
+    )
+    return f"write the name of the file in quotes: {shlex.quote(name)}" if name else ""
 
 
 def _similar_file(missing: Path, expected: str) -> str:
@@ -739,6 +751,7 @@ def _similar_file(missing: Path, expected: str) -> str:
     near = [
         *(stem + suffix for stem in difflib.get_close_matches(missing.stem, stems, n=1, cutoff=_ALIKE)),
         *difflib.get_close_matches(missing.name, same_stem, n=1, cutoff=0.0),
+        *(path.name for path in files if path.suffix and missing.name.startswith(path.name)),
     ]
     return f"; did you mean `{missing.with_name(near[0])}`?" if near else ""
 
