@@ -951,11 +951,6 @@ def _draw_robot(axes: Axes, bounds: Bounds) -> None:
     finish_plan(axes, "the same wall in front of a B12 robot", bounds, "upper left")
 
 
-_SETUP = (
-    "Room and places are the paper's: 928 × 742 mm of shelving. The reflectance, 0.95, is ours. One reading every 3°."
-)
-
-
 # Figure 14: the rays of one reading, between walls that are labelled with their reflectances.
 
 
@@ -1141,12 +1136,12 @@ EXHIBITS: tuple[Exhibit, ...] = (
     Exhibit(
         "figure2",
         "Figures 1 and 2: one plate, four raw traces",
-        "A plate on a stand in front of the transducer, whose face reflects returning sound. Distances, "
-        "sizes and angles are ours. The paper does not explain the small early echo from the plate at 45° in (d); here "
-        "it is diffraction at the near edge of the plate, 4.6° off the axis, with the paper's factor for edges. By the "
-        "uniform theory it is 9 dB fainter, below the peaks of the noise. The receiver's gain compensates for the "
-        "distance, so echoes lose level only by reflection and by the directivity of the face. All traces have the "
-        "same noise, of -60 dB (ours).",
+        "A plate on a stand in front of the transducer, whose face reflects returning sound. The paper does not "
+        "explain the small early echo from the plate at 45° in (d); here it is diffraction at the near edge of the "
+        "plate, 4.6° off the axis, with the paper's factor for edges. By the uniform theory it is 9 dB fainter, below "
+        "the peaks of the noise. The receiver's gain compensates for the distance, so echoes lose level only by "
+        "reflection and by the directivity of the face. All traces here, but not those of the commands, have the same "
+        "noise, of -60 dB (ours).",
         (NO_TARGET, TILTED, PARALLEL, AT_45, PLATE_TURNED),
         _draw_plates,
         (nothing_returns, one_echo, many_echoes, strongest_is_reflected_by_the_plate, small_echo_vanishes),
@@ -1154,9 +1149,8 @@ EXHIBITS: tuple[Exhibit, ...] = (
     Exhibit(
         "figure3_4",
         "Figures 3 and 4: a laboratory from a table top",
-        "Three scans in one plan, one reading every 5°. The room resembles the paper's; its dimensions are ours. The "
-        "outer corner is sharp; the paper does not say how it was seen. The pillar is round and 0.6 m thick, with "
-        "nothing in front of it.",
+        "Three scans in one plan, one reading every 5°. The room resembles the paper's. The outer corner is sharp; the "
+        "paper does not say how it was seen. The pillar is round and 0.6 m thick, with nothing in front of it.",
         SCANS,
         _draw_laboratory,
         (
@@ -1180,9 +1174,9 @@ EXHIBITS: tuple[Exhibit, ...] = (
     Exhibit(
         "figure6",
         "Figure 6: a room in the manner of Kuc and Siegel's",
-        "Walls, inner corners and an outer corner. The dimensions are ours. Points far outside the walls are readings "
-        "by several reflections. Kuc and Siegel's part is predicted without the engine: the feet of the perpendiculars "
-        "on the walls, if they are in sight, and the pattern of a disc. Edges are below the threshold here.",
+        "Walls, inner corners and an outer corner. Points far outside the walls are readings by several reflections. "
+        "Kuc and Siegel's part is predicted without the engine: the feet of the perpendiculars on the walls, if they "
+        "are in sight, and the pattern of a disc. Edges are below the threshold here.",
         (RAY_FOLLOWING,),
         _draw_single_reflections,
         (single_readings_are_theirs, several_reflections_are_missing),
@@ -1190,8 +1184,9 @@ EXHIBITS: tuple[Exhibit, ...] = (
     Exhibit(
         "figure7",
         "Figure 7: the simple room, as the unit measured it",
-        f"{_SETUP} The sensor is 397 mm from the top and 94 mm from the right. The unit's face reflects. Left: the "
-        "first echo above the threshold. Right: the ranging board's own receiver, which integrates, so that sound that "
+        "Room and places are the paper's: 928 × 742 mm of shelving. The reflectance, 0.95, is ours. One reading every "
+        "3°. The sensor is 397 mm from the top and 94 mm from the right. The unit's face reflects. Left: the first "
+        "echo above the threshold. Right: the ranging board's own receiver, which integrates, so that sound that "
         "arrives at the end of blanking is read there.",
         (FIGURE_7, FIGURE_7_BOARD),
         _draw_7,
@@ -1200,7 +1195,7 @@ EXHIBITS: tuple[Exhibit, ...] = (
     Exhibit(
         "figure8",
         "Figure 8: the simple room, as the paper's simulation predicts it",
-        f"{_SETUP} The place is that of figure 7. The unit blocks the sound that returns to its face.",
+        "Room and place are those of figure 7. The unit blocks the sound that returns to its face.",
         (FIGURE_8,),
         _draw_8,
         (far_wall_is_wavy, nothing_near_at_the_right),
@@ -1208,9 +1203,9 @@ EXHIBITS: tuple[Exhibit, ...] = (
     Exhibit(
         "figure9",
         "Figure 9: a false wall, and a robot that does not detect it",
-        f"{_SETUP} The sensor is 657 mm from the top and 154 mm from the right; sound passes it. The robot of the "
-        "text has a round body of 152 mm radius (this radius and its position along the wall are ours). Its face is "
-        "also 85 mm from the lower wall when it points there.",
+        "Room and place are the paper's, as in figure 7. The sensor is 657 mm from the top and 154 mm from the right; "
+        "sound passes it. The robot of the text has a round body of 152 mm radius (this radius and its position along "
+        "the wall are ours). Its face is also 85 mm from the lower wall when it points there.",
         (FIGURE_9, ROBOT),
         _draw_9,
         (
@@ -1224,9 +1219,9 @@ EXHIBITS: tuple[Exhibit, ...] = (
     Exhibit(
         "figure10_11",
         "Figures 10 and 11: an oblique corner",
-        "Two boxes at an obtuse angle in open space, one reading every 3°. The dimensions are ours: the upper box is "
-        "120 mm nearer, and the corner is near the perpendicular foot on the lower box, so that the arc of the lower "
-        "box extends behind the upper one.",
+        "Two boxes at an obtuse angle in open space, one reading every 3°. The upper box is 120 mm nearer, and the "
+        "corner is near the perpendicular foot on the lower box, so that the arc of the lower box extends behind the "
+        "upper one.",
         (OBLIQUE, OBLIQUE_FAR),
         _draw_oblique,
         (
@@ -1240,7 +1235,7 @@ EXHIBITS: tuple[Exhibit, ...] = (
         "figure12_13",
         "Figures 12 and 13: a right-angle corner",
         "Two boxes at a right angle in open space, one reading every 3°, from two places; the second is nearer to the "
-        "corner. The dimensions are ours.",
+        "corner.",
         (RIGHT, RIGHT_NEARER),
         _draw_right,
         (
@@ -1263,7 +1258,7 @@ EXHIBITS: tuple[Exhibit, ...] = (
         "corridor",
         "Section 3: along a corridor",
         f"{len(WALK)} places {_STEP:g} m apart, 0.5 m from one wall, one reading every "
-        f"{WALK[0].degrees[2]:g}°. The dimensions are ours. The command predicts the scan at the first place.",
+        f"{WALK[0].degrees[2]:g}°. The command predicts the scan at the first place.",
         WALK[:1],
         _draw_corridor,
         (
@@ -1280,9 +1275,12 @@ _HEAD = """\
 Every figure of Dudek, Jenkin, Milios, Wilkes, *Reflections on modelling a sonar range sensor* (CIM-92-9), drawn
 again by the model. Each table lists what the paper says, what the model shows, and whether they agree.
 `sonarhw figures DIR` writes this page and its pictures; the tests check every line. The commands of each figure
-predict the same scans. The paper's own pictures are not included, and no readings were taken from them: only its text
-and its dimensions are compared. A value that is *ours* was chosen here, because the paper does not state it. Plans are
+predict the same scans. Only the paper's text and its dimensions are compared, not its pictures. A value that is *ours*
+was chosen here, because the paper does not state it; so were the dimensions of all rooms but the simple one. Plans are
 cropped where they would show only distant readings.
+"""
+_END = """\
+Next: `docs/explanation/model.md`, how the model computes this, its accuracy and its limits.
 """
 
 
@@ -1303,7 +1301,7 @@ def claims(exhibit: Exhibit) -> tuple[Claim, ...]:
 
 def page(suffix: str = ".png") -> str:
     """Return the text of the page, Markdown, with pictures of this format."""
-    return "\n".join((_HEAD, *(_section(exhibit, suffix) for exhibit in EXHIBITS)))
+    return "\n".join((_HEAD, *(_section(exhibit, suffix) for exhibit in EXHIBITS), _END))
 
 
 def _section(exhibit: Exhibit, suffix: str) -> str:

@@ -81,8 +81,6 @@ class PaperScene:
                 words.append(f"--{option} {value}")
         if self.reach is not None:
             words.append(f"  # here only to {self.reach:g} m")
-        if self.noise:
-            words.append(f"  # here with noise of {self.noise:g} in the trace")
         return " ".join(words)
 
     def at(self, degrees: float) -> PredictedReading:
