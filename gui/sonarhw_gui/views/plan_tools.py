@@ -477,6 +477,8 @@ class PlanController:
         if event.isStart():
             self._before = self.chosen
             self._busy, self._cancelled = self.tool.press(self._drawing.point_at(event.buttonDownScenePos())), False
+            if self._busy:
+                self._gestures.pointed.emit(None)  # it does not follow a drag
         taken = self._busy
         if taken and not self._cancelled:
             self.tool.drag(self._drawing.point_at(event.scenePos()))

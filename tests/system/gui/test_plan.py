@@ -287,6 +287,7 @@ def test_hovering_names_what_is_under_the_mouse_and_the_ruler_measures_from_corn
     assert cursor.heading == pytest.approx(math.atan2(0.3 - y, 0.3 - x), abs=0.02)
     plan.key("M")
     plan.drag((0.004, 0.003), (0.925, 0.739))
+    assert plan.shown.cursor is None  # it does not stay where the drag began
     assert plan.message == plan.view.ruler.label.toPlainText() == "1.188 m at 38.6°"  # √(0.928² + 0.742²)
     assert plan.wall("top") == [0.928, 0.742, 0.0, 0.742]
     plan.key("H")
