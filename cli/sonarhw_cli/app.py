@@ -165,7 +165,7 @@ _OTHER_OPTIONS = (
     _Instead(
         "the headings of a scan are --from, --to and --step, in degrees",
         "angle angles beams begin degrees delta end fov headings increment interval max-angle min-angle range rays "
-        "resolution sector start stop",
+        "resolution sector start stop width",
     ),
     _Instead("the angle between readings is --step, in degrees", "angle-step increment resolution"),
     _Instead("the number of pings is --count", "c n number pings repeat samples times"),
@@ -236,7 +236,7 @@ _OTHER_OPTIONS = (
     _Instead("the board is --board NAME or --board FILE.toml", "device-profile profile sensor transducer"),
     _Instead(
         "the board profile contains it; --board FILE.toml",
-        "aperture beam beamwidth blanking frequency gain max-dist max-distance max-range threshold",
+        "aperture beam beamwidth blanking freq frequency gain max-dist max-distance max-range threshold",
     ),
     _Instead("its size is --size WxD in metres, such as --size 3.2x2.4", "depth dimensions height length width"),
     _Instead("a reading matches within 5 cm, which is fixed", "threshold tolerance within", option="--find-missing"),
@@ -254,9 +254,26 @@ _OTHER_OPTIONS = (
     _Instead("the name of the file stands without an option before it", _READ, "FILE"),
     _Instead("the file to write is --out", "file filename log o save save-as to write"),
 )
-_FORMATS = ("csv", "gif", "html", "jpg", "json", "mat", "mp4", "npz", "pdf", "png", "svg", "txt", "xlsx", "yaml")
+_FORMATS = (
+    "csv",
+    "gif",
+    "html",
+    "jpg",
+    "json",
+    "mat",
+    "mcap",
+    "mp4",
+    "npz",
+    "pdf",
+    "png",
+    "svg",
+    "txt",
+    "xlsx",
+    "yaml",
+)
 _SHORTENED = 3  # letters of a command at least, such as `sim`
 _ALIKE = 0.75  # similarity of an option that is proposed; below, it is another word
+_OPTION_ALIKE = 0.8  # the same for options of this command
 _VERY_ALIKE = 0.85  # the same for options of other commands
 _VAGUE = ("file", "name", "path", "the")  # parts of words such as --room-file
 _SAVE = ("o", "out", "output", "outfile", "save", "to")
@@ -351,13 +368,16 @@ def _about_option(message: str, context: typer.Context, arguments: Sequence[str]
     kinds = options.expected_of(argument, context.command)[0].split("|") if argument else []
     if options.kind_of(value) in kinds and (missing := _missing_argument(context, arguments)):
         return f"{message}; expected `{_usage(context)}`, where {missing} stands without an option before it{see}"
-    close = [name for name in difflib.get_close_matches(option, names, cutoff=_ALIKE) if _is_alike(option, name)]
+    others = {path: p.help for path, command in _all_commands(context) for p in command.params if option in p.opts}
+    alike = [] if others else difflib.get_close_matches(option, names, cutoff=_ALIKE)
+    close = [name for name in alike if _is_alike(option, name)]
     by_value = "" if close or f"--{word}" in names else _by_value(value, context)
     meant = [f"--{word.removesuffix('s')}", *(() if close else [f"--{value}"])] if len(word) > 1 else []
     if known := next((name for name in meant if name in names), by_value):
         return f"{message}; did you mean `{known}`?"
-    ending = Path(value).suffix.removeprefix(".").lower() if word in (*_SAVE, *_PICTURES) else ""
-    ending = value if word in ("format", "type") else ending
+    ending = value if word in ("format", "type") else Path(value).suffix.removeprefix(".").lower()
+    if word not in (*_SAVE, *_PICTURES, "format", "type", "record") or os.path.isfile(value):
+        ending = ""
     if f"--{word}" not in names and (written_as := _about_format(ending, context) or _about_format(word, context)):
         return f"{message}; {written_as}{see}"
     if not written and f"--{word}" not in names:
@@ -372,10 +392,10 @@ def _about_option(message: str, context: typer.Context, arguments: Sequence[str]
     longer = [name for name in names if len(word) > 2 and name.startswith(option)]
     if len(word) == 1 and context.parent is not None:
         longer = [name for name in names if name.startswith(f"-{option}")][:_MOST_LISTED]
-    others = {path: p.help for path, command in _all_commands(context) for p in command.params if option in p.opts}
-    if similar := written or longer or ([] if others else close):
+    if similar := written or longer or close:
         return f"{message}; did you mean {' or '.join(f'`{name}`' for name in similar)}?"
-    if word in getattr(context.find_root().command, "commands", {}):
+    command = getattr(context.find_root().command, "commands", {}).get(word)
+    if command is not None and not command.hidden:
         return f"{message}; `sonarhw {word}` is a command of its own"
     later = next((name for name in arguments if name in getattr(context.command, "commands", {})), "")
     if later:
@@ -408,8 +428,10 @@ def _by_value(value: str, context: typer.Context) -> str:
 
 
 def _is_alike(word: str, name: str) -> bool:
-    """Report whether a similar name is probably a misspelt one: of the same length, or with the same start."""
-    return abs(len(word) - len(name)) <= 1 or word.startswith(name) or word[:6] == name[:6]  # with two hyphens
+    """Report whether an option is probably a misspelt `name`: of about the same length, or with the same start."""
+    is_same_start = word[:6] == name[:6]  # with two hyphens
+    ratio = difflib.SequenceMatcher(None, word, name).ratio()
+    return word.startswith(name) or (ratio >= _OPTION_ALIKE and (is_same_start or abs(len(word) - len(name)) <= 1))
 
 
 def _missing_argument(context: typer.Context, arguments: Sequence[str]) -> str:
@@ -751,7 +773,7 @@ def _similar_file(missing: Path, expected: str) -> str:
     near = [
         *(stem + suffix for stem in difflib.get_close_matches(missing.stem, stems, n=1, cutoff=_ALIKE)),
         *difflib.get_close_matches(missing.name, same_stem, n=1, cutoff=0.0),
-        *(path.name for path in files if path.suffix and missing.name.startswith(path.name)),
+        *(path.name for path in files if path.suffix and missing.name.startswith(f"{path.name}.")),
     ]
     return f"; did you mean `{missing.with_name(near[0])}`?" if near else ""
 
