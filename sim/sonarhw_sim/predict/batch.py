@@ -42,12 +42,12 @@ from sonarhw_sim.rays.paths import RAYS, SLACK, Paths, PathSearch, find_paths_of
 from sonarhw_sim.room.room import Place, Room, load_room, warn_of_poses
 from sonarhw_sim.room.room_file import MAX_COORDINATE
 
-_RAYS_ALONE = RAYS // 4  # of a single prediction of first echoes: 0.25° apart
-# Rays of a search of many poses, up to the range of the board. A board's own receiver adds all sound, so that a missing
-# faint path changes a range by millimetres.
-_RAYS = {Receiver.FIRST_ECHO: RAYS // 4, Receiver.BOARD: RAYS}
-_STEPS = {Receiver.FIRST_ECHO: 4, Receiver.BOARD: 8}  # of these rays, from one that is always followed to the next
-_LEAST_RAYS = 360
+# A board that detects only loud echoes needs a quarter of the rays, 0.25° apart, and fewer for a short search. Another
+# board, or one whose own receiver adds all sound, also detects what returns through narrow gaps and off posts.
+_LOUD = -30.0  # dB: the least threshold for loud echoes
+_FEW_RAYS, _LEAST_RAYS = RAYS // 4, 360
+_STEP_OF_FEW = 4  # from one ray that is always followed to the next
+_STEP, _STEP_BY_POSTS = 8, 2  # the same of all rays; posts widen the gaps between those that they reflect
 _LEAST_POSES = 8  # fewer take about as long as a thread needs to begin
 _TOGETHER = 128  # poses of one search, whose paths fit into the cache of a processor
 _APART = 1e4  # m: lengths of paths of two poses differ by more
@@ -99,9 +99,8 @@ def predict_ranges(
     and ceiling. With `levels`, also the level of the loudest arrival over the threshold is returned, (n, m) dB.
 
     The poses share the cores. Memory is needed for the result and the paths of some poses on each core. Ranges are
-    those of `predict`, but for 0.1 % at the border between two echoes, because fewer rays are followed. With a board's
-    own receiver, 0.2 % differ, some by a few millimetres. From a pose inside a post, there is no echo. Raises
-    InputError. Warns if most poses are beyond the walls.
+    those of `predict`, but for 0.1 % at the border between two echoes, because fewer rays are followed. From a
+    pose inside a post, there is no echo. Raises InputError. Warns if most poses are beyond the walls.
     """
     room, profile = loaded_room(room), loaded_board(board)
     rows = arguments.rows("poses", poses, (2, 3), POSES)
@@ -117,8 +116,7 @@ def predict_ranges(
         if sensors is not None:
             return _in_plan(room, np.column_stack((rows[:, :2], turns)), sensors, profile, options)
     places = [Place("", (x, y), turn, height) for x, y, turn in np.column_stack((rows[:, :2], turns)).tolist()]
-    options = options or PredictionOptions(rays=RAYS if profile.receiver is Receiver.BOARD else _RAYS_ALONE)
-    ranges, over = _one_by_one(room, places, angles, profile, options, levels)
+    ranges, over = _one_by_one(room, places, angles, profile, options or _options_of(profile), levels)
     return (ranges, over) if levels else ranges
 
 
@@ -227,7 +225,7 @@ def _in_plan(
     room: Room, poses: FloatArray, sensors: Sensors, board: Board, options: PredictionOptions | None
 ) -> FloatArray:
     """Return the ranges of `predict_ranges` of sensors at poses (n, 3), (n, m), of sound in the plan."""
-    options = options or PredictionOptions(rays=_RAYS[board.receiver])
+    options = options or _options_of(board)
 
     def predicted(begin: int, end: int) -> tuple[FloatArray]:
         ranges = np.empty((end - begin, sensors.headings.size))
@@ -297,13 +295,8 @@ def _read_up_to(length: float, batch: _Batch, rows: NDArray[np.intp]) -> None:
 def _paths_up_to(length: float, batch: _Batch, rows: NDArray[np.intp]) -> tuple[Paths, NDArray[np.intp]]:
     """Return the paths up to a length from these poses, and where those of each begin, (n + 1,)."""
     room, board, options = batch.room, batch.board, batch.options
-    # a body widens the gaps between rays that it reflects
-    step = 1 if board.mounting.body_radius else _STEPS[batch.receiver]
-    search = replace(search_for(room, board, options), max_length=length, step=step)
-    if batch.receiver is Receiver.FIRST_ECHO:
-        # as near to each other at the end of a short search as at that of a long one
-        rays = math.ceil(options.rays * length / (2 * board.max_range))
-        search = replace(search, rays=max(min(_LEAST_RAYS, options.rays), rays))
+    rays, step = _rays_up_to(length, batch)
+    search = replace(search_for(room, board, options), max_length=length, rays=rays, step=step)
     headings, receivers = batch.headings[rows], None if batch.receivers is None else batch.receivers[rows]
     if batch.turns:
         search = replace(search, leaving=_leaving(search, headings, batch.open[rows]))
@@ -312,6 +305,27 @@ def _paths_up_to(length: float, batch: _Batch, rows: NDArray[np.intp]) -> tuple[
     paths, begins = find_paths_of_places(room, batch.positions[rows], search, receivers)
     kept = _loud_enough(batch, paths, None if batch.turns else np.repeat(headings[:, 0], np.diff(begins)))
     return paths.select(kept), np.searchsorted(kept, begins)
+
+
+def _rays_up_to(length: float, batch: _Batch) -> tuple[int, int]:
+    """Return the number of rays of a search, and the step from one that is always followed to the next."""
+    room, board, rays = batch.room, batch.board, batch.options.rays
+    if not _is_for_loud_echoes(board, batch.receiver):
+        step = _STEP_BY_POSTS if len(room.posts) else _STEP
+    else:
+        # as near to each other at the end of a short search as at that of a long one
+        shorter = math.ceil(rays * length / (2 * board.max_range))
+        rays, step = max(min(_LEAST_RAYS, rays), shorter), _STEP_OF_FEW
+    # a body widens the gaps as posts do, at each pose
+    return rays, 1 if board.mounting.body_radius else step
+
+
+def _options_of(board: Board) -> PredictionOptions:
+    return PredictionOptions(rays=_FEW_RAYS if _is_for_loud_echoes(board, board.receiver) else RAYS)
+
+
+def _is_for_loud_echoes(board: Board, receiver: Receiver) -> bool:
+    return receiver is Receiver.FIRST_ECHO and board.threshold_db >= _LOUD
 
 
 def _loud_enough(batch: _Batch, paths: Paths, headings: FloatArray | None) -> NDArray[np.intp]:

@@ -236,6 +236,7 @@ def one_by_one(room: Room, board: Board, poses: FloatArray, height: float | None
     [
         ("arena", "hc-sr04", None, 40),
         ("laboratory", "hc-sr04", None, 16),  # a post, and edges of a panel
+        ("laboratory", "paper", None, 12),  # faint echoes off the post
         ("laboratory", "polaroid-6500", None, 4),  # the board's own receiver
         ("corridor", "paper", None, 4),  # sums of arrivals, and readings beyond its range
         ("doorstep", "hc-sr04", 0.3, 2),  # floor, and walls of limited height
