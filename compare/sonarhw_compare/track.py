@@ -337,7 +337,7 @@ class Tracker:
         """Warn of a step that is probably in centimetres or degrees."""
         if math.hypot(*step[:2]) > _LARGE_STEP:
             warn_of_poses("odometry", self._room, self._particles[:, :2])
-        if abs(step[2]) > math.pi:
+        if abs(step[2]) >= math.tau:  # the difference of two headings is less
             arguments.emit(f"odometry: a turn of {step[2]:g}, taken as radians; if it is degrees, use np.radians")
 
     def _judge(self, logs: FloatArray, readings: int) -> None:
