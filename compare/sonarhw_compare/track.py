@@ -75,7 +75,9 @@ def log_likelihood(
     turns = arguments.in_radians("poses", rows[:, 2], degrees)
     warn_of_poses("poses", likelihood.room, rows[:, :2])
     angles = arguments.in_radians("headings", arguments.angles("headings", headings), degrees)
-    return likelihood(np.column_stack((rows[:, :2], turns)), angles, echoes_of(ranges, len(angles))[:, 0, 0])
+    echoes = echoes_of(ranges, len(angles))[:, 0, 0]
+    arguments.warn_of_centimetres("ranges", echoes)
+    return likelihood(np.column_stack((rows[:, :2], turns)), angles, echoes)
 
 
 class PoseLikelihood:
@@ -275,6 +277,7 @@ class Tracker:
             self._particles = pose + deviations * self._random.standard_normal((self._count, 3))
         self._logs = np.zeros(len(self._particles))
         self._fit = 0.0  # mean log-likelihood per reading of the best particles
+        self._has_warned = False
 
     @property
     def particles(self) -> FloatArray:
@@ -300,7 +303,7 @@ class Tracker:
         angles = arguments.in_radians("headings", arguments.angles("headings", headings), False)
         echoes = echoes_of(ranges, len(angles))[:, 0, 0]
         self._move(step)
-        self._doubt(step)
+        self._doubt(step, echoes)
         if len(angles):
             logs = self._likelihood(self._particles, angles, echoes)
             self._judge(logs, len(angles))
@@ -333,12 +336,19 @@ class Tracker:
             )
         )
 
-    def _doubt(self, step: FloatArray) -> None:
-        """Warn of a step that is probably in centimetres or degrees."""
+    def _doubt(self, step: FloatArray, ranges: FloatArray) -> None:
+        """Warn, at one update only, of steps and ranges that are probably in centimetres or degrees."""
+        if self._has_warned:
+            return
+        doubts: list[str] = []
         if math.hypot(*step[:2]) > _LARGE_STEP:
-            warn_of_poses("odometry", self._room, self._particles[:, :2])
+            warn_of_poses("odometry", self._room, self._particles[:, :2], doubts.append)
         if abs(step[2]) >= math.tau:  # the difference of two headings is less
-            arguments.emit(f"odometry: a turn of {step[2]:g}, taken as radians; if it is degrees, use np.radians")
+            doubts.append(f"odometry: a turn of {step[2]:g}, taken as radians; if it is degrees, use np.radians")
+        arguments.warn_of_centimetres("ranges", ranges, doubts.append)
+        for doubt in doubts:
+            arguments.emit(doubt)
+        self._has_warned = bool(doubts)
 
     def _judge(self, logs: FloatArray, readings: int) -> None:
         """Keep the mean of how well the best particle fits, per reading."""

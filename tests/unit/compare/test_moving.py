@@ -3,6 +3,7 @@
 import json
 import math
 import re
+import warnings
 from io import StringIO
 from itertools import pairwise
 from pathlib import Path
@@ -121,13 +122,22 @@ def test_the_arrays_of_a_ring_are_refused_with_the_call_that_takes_them() -> Non
 
 
 @pytest.mark.parametrize(
-    ("step", "doubt"),
-    [((300.0, 0, 0), "odometry: .* beyond the walls"), ((0, 0, 20.0), "odometry: a turn of 20, taken as radians")],
+    ("step", "ranges", "doubt"),
+    [
+        ((300.0, 0, 0), 1.0, "odometry: .* beyond the walls"),
+        ((0, 0, 20.0), 1.0, "odometry: a turn of 20, taken as radians"),
+        ((0, 0, 0), 90.0, "ranges: half of them over 30 m"),
+    ],
 )
-def test_odometry_in_other_units_is_doubted(room: Room, step: tuple[float, float, float], doubt: str) -> None:
+def test_a_tracker_doubts_other_units_once(
+    room: Room, step: tuple[float, float, float], ranges: float, doubt: str
+) -> None:
     tracker = sonarhw.Tracker(room, "paper", tuple(POSES[0]), particles=20, model=Model.NEAREST)
     with pytest.warns(UserWarning, match=doubt):
-        tracker.update(step, HEADINGS, np.ones(4))
+        tracker.update(step, HEADINGS, np.full(4, ranges))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        tracker.update(step, HEADINGS, np.full(4, ranges))
 
 
 def test_poses_may_have_degrees() -> None:
