@@ -3,8 +3,9 @@
     python -m benchmarks.batch [--poses 100] [--rounds 3] [--many 20000]
 
 Prints processor time for each pose, the ratio, how many readings differ by more than 1 mm from single predictions, and
-how many cores worked, by the clock. Then what a table of each room needs and gives. The last line is the memory that
-many poses need.
+how many cores worked, by the clock. Then the same readings by the paper's algorithm (appendix A), compiled, and what a
+table of each room needs and gives. The last line is the memory that many poses need.
+`python -m benchmarks.speed` compares paths with those of pyroomacoustics.
 """
 
 import argparse
@@ -20,6 +21,7 @@ from sonarhw_sim import compiled
 import sonarhw
 from benchmarks.logs import memory
 from sonarhw.readings import FloatArray
+from tests.oracles.one_heading import range_at
 
 SETTINGS = (
     ("arena", "hc-sr04"),
@@ -75,6 +77,16 @@ def measure(name: str, board_name: str, count: int, rounds: int) -> str:
     )
 
 
+def by_the_paper(name: str, board_name: str) -> str:
+    """Return a line about the paper's algorithm, which follows the rays of each heading by themselves."""
+    room, board = sonarhw.load_room(name), sonarhw.load_board(board_name)
+    random, space = np.random.default_rng(1), find_free_space(room)
+    places = [sonarhw.Place("", space.draw(random, 0.1)) for _ in range(10)]
+    range_at(room, places[0], board, 0.0)  # loads or compiles the kernels
+    cost = cost_of(lambda: [range_at(room, place, board, heading) for place in places for heading in HEADINGS.tolist()])
+    return f"{name:10} {board_name:13}  {cost.processor / len(places) * 1e3:6.2f} ms"
+
+
 def table_of(name: str, board_name: str) -> str:
     """Return a line about the table of a room: its cost, and the readings that are looked up in a second of a core."""
     room, board = sonarhw.load_room(name), sonarhw.load_board(board_name)
@@ -115,6 +127,9 @@ def main() -> None:
     print("room       board          predict    predict_ranges  ratio  other  cores  log-likelihood in cells")
     for setting in SETTINGS:
         print(measure(*setting, given.poses, given.rounds), flush=True)
+    print("paper's algorithm")
+    for setting in SETTINGS[:2]:
+        print(by_the_paper(*setting), flush=True)
     print("table of the room         made in  size      looked up        within 5 mm")
     for setting in SETTINGS[:3]:
         print(table_of(*setting), flush=True)
