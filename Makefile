@@ -97,7 +97,7 @@ lint: $(VENV)/tools
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
-	$(BIN)/codespell
+	$(BIN)/typos
 
 types: $(VENV)/tools
 	$(BIN)/mypy
