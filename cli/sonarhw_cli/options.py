@@ -3,9 +3,7 @@
 import csv
 import logging
 import math
-import os
 import re
-import shlex
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TextIO, TypeVar
@@ -16,6 +14,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from sonarhw.errors import InputError, harmless, json_text, number, shortened, text_cell
 from sonarhw.wire.limits import MOST_HEADINGS
+from sonarhw_cli import word_kinds
 
 if TYPE_CHECKING:
     from sonarhw.readings import ScanOrder
@@ -346,7 +345,6 @@ PICTURE_FILE = "FILE.png|pdf|svg"
 STDOUT = "-"
 LOG = ".mcap"
 _MOST_RADIANS = 10.0  # between --from and --to, if they may be in radians: a turn and a half
-_MOST_FILES = 1000  # of a folder that are looked at
 _ALIKE = 0.005  # between a multiple of π/2 and a number that stands for it
 
 
@@ -521,155 +519,6 @@ def check_rules(context: typer.Context, rules: Iterable[Rule], facts: Iterable[s
                 raise InputError(refusal if refusal.startswith("--") else option + refusal)
 
 
-# What a word on the command line names. A file is recognised by its content, so that a file of another kind is refused
-# with the command or the option that reads it.
-
-_START = 65_536  # bytes of a file that decide
-_NAMED = 3  # files of a folder that a message names
-_MAGIC = (
-    (rb"\x89MCAP0", "log"),
-    (rb"\x89PNG|\xff\xd8\xff|GIF8|%PDF", "picture"),
-    (rb"\s*<(!DOCTYPE html|html)", "page"),
-)
-# lines of the TOML files of this program
-_TOML = (
-    (rb"(?m)^\[\[rooms\]\]|^rooms *=", "study"),
-    (rb"(?m)^\[\[(walls|posts)\]\]|^walls *=|^\[(materials|places)\b", "room"),
-    (rb"(?m)^(aperture_radius|frequency|blanking|threshold_db) *=", "board"),
-)
-_DRAWINGS = (".dxf", ".geojson", ".sdf", ".svg", ".world", ".yaml", ".yml")
-_URL = re.compile(r"/dev/(tty|cu\.|serial)|COM\d+$|[a-z0-9]{3,}://|(fake|lines):")
-# what each kind is, and what to do with it; `{name}` is the word
-_KINDS = {
-    "log": (
-        "a log",
-        "`sonarhw compare {name}` explains it, `sonarhw gui {name}` shows it, `sonarhw replay {name}` serves it",
-    ),
-    "room": (
-        "a room file",
-        "`sonarhw simulate {name}` predicts a scan in it, `sonarhw fake {name}` serves a scanner in it",
-    ),
-    "shipped room": ("a shipped room", "`sonarhw simulate {name}` predicts a scan in it"),
-    "board": ("a board profile", "`sonarhw profile check {name}` checks it"),
-    "shipped board": ("a shipped board", "`sonarhw simulate ROOM --board {name}` predicts with it"),
-    "study": ("a study file", "`sonarhw study {name}` predicts its scans"),
-    "drawing": ("a file of another program", "`sonarhw room import {name}` converts a map or a drawing to a room file"),
-    "picture": ("a picture", "no command reads pictures; give the file that it was made from"),
-    "page": ("a web page", "open it in a browser"),
-    "scan": ("a file of another program", "`sonarhw import {name} --out LOG.mcap` converts a scan of another program"),
-    "folder": ("a folder", "give the name of a file in it{such}"),
-    "URL": ("the URL of a scanner", "`sonarhw scan {name} --out LOG.mcap` records a log"),
-}
-_ROOM, _BOARD, _LOG = "room|shipped room", "board|shipped board", "log"
-# what an argument or an option expects: its metavar or its name, the kinds, and their description
-_EXPECTED = {
-    "LOG": (_LOG, "a log (*.mcap)"),
-    "--with": (_LOG, "a log (*.mcap)"),
-    "ROOM": (_ROOM, "a room: NAME or FILE.toml"),
-    "--room": (_ROOM, "a room: NAME or FILE.toml"),
-    "PROFILE": (_BOARD, "a board profile: NAME or FILE.toml"),
-    "--board": (_BOARD, "a board profile: NAME or FILE.toml"),
-    "SPEC": ("study", "a study file (*.toml)"),
-    "URL": ("URL|log", "the URL of a scanner, or a log"),
-    "URL|LOG": ("URL|log", "the URL of a scanner, or a log"),
-    "PORT": ("URL", "a serial port such as /dev/ttyUSB0"),
-    "LOG|SCAN|URL|ROOM": (f"{_LOG}|scan|URL|drawing|folder|{_ROOM}", "a log, a scan, a room or the URL of a scanner"),
-    "FILE.csv": ("scan", "a CSV file"),
-}
-# the two commands that convert files of other programs
-_IMPORTED = {
-    "import_scan": ("scan|log|folder|drawing", "a scan of another program"),
-    "import_room_file": ("scan|drawing", "a map or a drawing of another program"),
-}
-
-
-def kind_of(word: str) -> str:
-    """Return the kind of what a word names, a key of `_KINDS`. It is empty for another word."""
-    if not word or os.path.isdir(word):
-        return "folder" if word else ""
-    if os.path.isfile(word):
-        return _kind_of_file(Path(word))
-    if re.fullmatch(r"[a-z][\w-]*", word):
-        shipped = {"shipped room": complete_room, "shipped board": complete_board}
-        return next((kind for kind, names in shipped.items() if word in names(word)), "")
-    return "URL" if _URL.match(word) else _LOG if word.endswith(LOG) else ""
-
-
-def _kind_of_file(path: Path) -> str:
-    try:
-        with path.open("rb") as file:
-            start = file.read(_START)
-    except OSError:
-        return ""
-    # a log contains the text of its room
-    if known := next((kind for pattern, kind in _MAGIC if re.match(pattern, start)), ""):
-        return known
-    suffix = path.suffix.lower()
-    own = next((kind for pattern, kind in _TOML if re.search(pattern, start)), "")
-    if own or suffix in ("", ".toml"):
-        return own
-    # a damaged log is read as a log, which says what is wrong with it
-    return "" if not start or suffix == LOG else "drawing" if suffix in _DRAWINGS else "scan"
-
-
-def expected_of(parameter: Any, command: Any = None) -> tuple[str, str]:
-    """Return the kinds that an argument or an option expects, and their description; empty texts for other values."""
-    imported = _IMPORTED.get(getattr(getattr(command, "callback", None), "__name__", ""))
-    if imported and parameter.param_type_name == "argument":
-        return imported
-    named = next((_EXPECTED[name] for name in parameter.opts if name in _EXPECTED), None)
-    is_input = parameter.param_type_name == "argument" or parameter.name == "poses"
-    return named or (_EXPECTED.get(parameter.metavar or "", ("", "")) if is_input else ("", ""))
-
-
-def check_kinds(context: typer.Context) -> None:
-    """Raise InputError if an argument or an option names a file, a room or a scanner of another kind than expected."""
-    for parameter in context.command.params:
-        kinds, expected = expected_of(parameter, context.command)
-        value = context.params.get(parameter.name or "")
-        for word in map(str, value if isinstance(value, list | tuple) else [value] if value else []):
-            kind = kind_of(word) if kinds else ""
-            is_missing_log = kind == _LOG and not os.path.exists(word)
-            if kind and kind not in kinds.split("|") and not is_missing_log:
-                option = f"{parameter.opts[0]} " if parameter.param_type_name == "option" else ""
-                advice = _advice(word, kind, parameter, context)
-                raise InputError(f"{option}{word}: is {_KINDS[kind][0]}; expected {expected}; {advice}")
-
-
-def _advice(word: str, kind: str, parameter: Any, context: typer.Context) -> str:
-    """Return what to do with a word of another kind than a parameter expects: another option, or another command."""
-    if parameter.metavar == "URL" and kind in _ROOM.split("|"):
-        return f"'fake:{word}?place=NAME' is a fake scanner in it"
-    taking = option_taking(word, context, parameter)
-    if taking and context.info_name != "check":
-        return f"give it with `{taking}`"
-    kinds = expected_of(parameter, context.command)[0].split("|")
-    inside = sorted(Path(word).iterdir())[:_MOST_FILES] if kind == "folder" else []
-    named = [shlex.quote(str(path)) for path in inside if kind_of(str(path)) in kinds][:_NAMED]
-    return _KINDS[kind][1].format(name=shlex.quote(word), such=f", such as {', '.join(named)}" if named else "")
-
-
-def use_of(word: str) -> str:
-    """Return what to do with a word by its kind, such as the command that reads it; empty for another word."""
-    kind = kind_of(word)
-    return _KINDS[kind][1].format(name=shlex.quote(word), such="") if kind else ""
-
-
-def option_taking(word: str, context: typer.Context, but: Any = None) -> str:
-    """Return an option of the command that takes a word, with the word: by its choices, the kind or the ending."""
-    kind, ending = kind_of(word), Path(word).suffix
-    for parameter in context.command.params:
-        if parameter.param_type_name != "option" or parameter is but or getattr(parameter, "is_flag", False):
-            continue
-        value = plain(parameter, (parameter.get_help_record(context) or ("", ""))[0]).partition(" ")[2]
-        is_choice = "|" in value and word in value.split("|")
-        is_kind = kind and kind in expected_of(parameter)[0].split("|")
-        is_output = ending and not kind and re.search(rf"[|.]{re.escape(ending[1:])}\b", value)
-        if is_choice or is_kind or is_output:
-            return f"{parameter.opts[0]} {shlex.quote(word)}"
-    return ""
-
-
 # The help of a command, with arguments and values as users type them: `LOG...`, not `{LOG}...` and `<list[Path]>`.
 #
 # In lists of commands, each has its whole first sentence; Typer cuts it on narrow terminals.
@@ -677,7 +526,6 @@ def option_taking(word: str, context: typer.Context, but: Any = None) -> str:
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 _WHOLE_SENTENCE = 1000  # characters
-_VALUES = {"int": "INTEGER", "float": "NUMBER", "path": "FILE", "str": "TEXT"}
 
 
 class CommandList(typer.Typer):
@@ -715,7 +563,7 @@ class _PlainCommand(TyperCommand):
     get_short_help_str = _first_sentence
 
     def invoke(self, ctx: Any) -> Any:
-        check_kinds(ctx)
+        word_kinds.check_kinds(ctx)
         check_rules(ctx, [rule for rule in RULES if rule.command == self.name])
         return super().invoke(ctx)
 
@@ -726,13 +574,6 @@ class _PlainCommand(TyperCommand):
         for title, kind in (("Arguments", "argument"), ("Options", "option")):
             parameters = [parameter for parameter in self.get_params(ctx) if parameter.param_type_name == kind]
             rows = [(parameter, parameter.get_help_record(ctx)) for parameter in parameters]
-            if shown := [(plain(parameter, row[0]), row[1]) for parameter, row in rows if row is not None]:
+            if shown := [(word_kinds.plain(parameter, row[0]), row[1]) for parameter, row in rows if row is not None]:
                 with formatter.section(title):
                     formatter.write_dl(shown)
-
-
-def plain(parameter: Any, name: str) -> str:
-    """Return an argument as in the usage, and an option with the value that it expects."""
-    if parameter.param_type_name == "argument":
-        return f"{parameter.display_name_raw}{'...' if parameter.nargs != 1 else ''}"
-    return re.sub(r"<(?:list\[)?([^] >]+)[^>]*>", lambda type_: _VALUES.get(type_[1], type_[1]), name)

@@ -16,7 +16,7 @@ import pytest
         ("sonarhw", "numpy serial lazy_loader sonarhw_sim sonarhw_compare typer"),
         ("sonarhw_compare.fit.quantities", "numpy numba scipy emcee"),
         ("sonarhw_sim.predict.prediction", "numba scipy.special scipy.spatial scipy.optimize matplotlib"),
-        ("sonarhw_cli.app", "numpy numba scipy matplotlib PySide6 sonarhw.wire.messages"),
+        ("sonarhw_cli.app", "numpy numba scipy matplotlib PySide6 sonarhw.wire.messages sonarhw_cli.hints"),
     ],
 )
 def test_early_imports_load_no_slow_package(modules: str, heavy: str) -> None:
