@@ -7,6 +7,7 @@ import errno
 import functools
 import logging
 import os
+import re
 import shlex
 import sys
 import warnings
@@ -161,11 +162,9 @@ _command = functools.cache(typer.main.get_command)
 def _status(arguments: list[str] | None) -> int:
     command = _command(app)
     given = list(sys.argv[1:] if arguments is None else arguments)
-    if given[:1] == ["-v"] and len(given) > 1:
-        return _refuse(
-            f"-v: prints the version; did you mean `{shlex.join(['sonarhw', '--verbose', *given[1:]])}`?",
-            ExitStatus.BAD_INPUT,
-        )
+    if given and re.fullmatch("-v+", given[0]) and given != ["-v"]:
+        meant = shlex.join(["sonarhw", "--verbose", *(given[1:] or ["COMMAND"])])
+        return _refuse(f"-v: prints the version; did you mean `{meant}`?", ExitStatus.BAD_INPUT)
     if given[:1] in (["-h"], ["--help"]):  # of the command, if one follows
         given = [*given[1:], given[0]]
     if "_SONARHW_COMPLETE" in os.environ:  # set by the script that --install-completion writes

@@ -347,6 +347,9 @@ def ports(
     from sonarhw.link import Port, serial_ports
 
     by_name = {found_port.device: found_port for found_port in serial_ports()}
+    for name in port or ():
+        if re.fullmatch("[a-z-]+", name) and name not in by_name:
+            raise InputError(f"{name}: expected a port such as /dev/ttyUSB0; without one, `sonarhw ports` lists all")
     chosen = [by_name.get(name, Port(name, "")) for name in port] if port else [*by_name.values()]
     if not chosen:
         options.print_note("no serial ports")
