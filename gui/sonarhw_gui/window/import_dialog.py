@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from PySide6 import QtWidgets
-from PySide6.QtCore import QMargins, QSignalBlocker, Qt, Signal, Slot
+from PySide6.QtCore import QMargins, QSignalBlocker, QSize, Qt, Signal, Slot
 from sonarhw_compare.import_formats import FORMATS, ImportFormat, takes_option
 
 from sonarhw.errors import InputError, shortened
@@ -30,7 +30,7 @@ _AXES = {_RECOGNISED: "", "rows": "rows", "columns": "columns"}
 _ZERO = "Turntable angle at heading 0"
 _MOST_DRAWN = 3000  # readings
 _LONGEST = 70  # characters of a line
-_SIZE = 1040, 620
+_SIZE = QSize(1220, 640)
 _FORM_WIDTH = 560
 
 
@@ -157,15 +157,15 @@ class ImportDialog(QtWidgets.QDialog):
         self._left.setMinimumWidth(_FORM_WIDTH)
         left.setContentsMargins(0, 0, 0, 0)
         middle = QtWidgets.QHBoxLayout()
-        middle.addWidget(self._left, stretch=1)
-        middle.addWidget(self.plan, stretch=1)
+        middle.addWidget(self._left, stretch=6)
+        middle.addWidget(self.plan, stretch=5)
         page = QtWidgets.QVBoxLayout(self)
         page.addLayout(middle, stretch=1)
         page.addWidget(self.buttons)
         self.note.setAlignment(Qt.AlignmentFlag.AlignTop)
         self.import_button.setDefault(True)
         self.preview.horizontalHeader().setSectionResizeMode(0, QtWidgets.QHeaderView.ResizeMode.Stretch)
-        self.resize(*_SIZE)
+        self.resize(_SIZE.boundedTo(self.screen().availableSize()))
 
     def _place_fields(self) -> None:
         """Put the visible fields into the form, two in a row; the columns of a table stay together."""
