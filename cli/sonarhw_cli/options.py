@@ -24,16 +24,16 @@ if TYPE_CHECKING:
 
 def complete_room(incomplete: str) -> list[str]:
     """Return the shipped rooms that begin with a text."""
-    from sonarhw_sim.room.room import SHIPPED_ROOMS
+    from sonarhw_sim.files import SHIPPED_ROOMS
 
     return [name for name in SHIPPED_ROOMS.names() if name.startswith(incomplete)]
 
 
 def complete_board(incomplete: str) -> list[str]:
     """Return the shipped board profiles that begin with a text."""
-    from sonarhw_sim.board.profile import board_names
+    from sonarhw_sim.files import SHIPPED_BOARDS
 
-    return [name for name in board_names() if name.startswith(incomplete)]
+    return [name for name in SHIPPED_BOARDS.names() if name.startswith(incomplete)]
 
 
 def complete_place(context: typer.Context, incomplete: str) -> list[str]:

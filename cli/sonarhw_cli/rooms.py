@@ -158,7 +158,8 @@ def check_room_file(
     """
     from sonarhw_sim.board.profile import load_board
     from sonarhw_sim.check import check_room, refusals_of
-    from sonarhw_sim.room.room import SHIPPED_ROOMS, parse_room
+    from sonarhw_sim.files import SHIPPED_ROOMS
+    from sonarhw_sim.room.room import parse_room
 
     if plot is not None:
         checked_out(plot, PICTURES, force, room_name, board, option="--plot")
@@ -236,8 +237,8 @@ def profile_schema() -> None:
 @profile_app.command("check")
 def check_profile(profile: Profile) -> int:
     """Check a board profile. Prints one line for each error. Exit status: 0 without errors, else 2."""
-    from sonarhw_sim.board.profile import SHIPPED_BOARDS, BoardFile
-    from sonarhw_sim.files import parse_table, problems_of
+    from sonarhw_sim.board.profile import BoardFile
+    from sonarhw_sim.files import SHIPPED_BOARDS, parse_table, problems_of
 
     text, where = SHIPPED_BOARDS.read(profile)
     problems = problems_of(parse_table(text, where), BoardFile)

@@ -89,12 +89,11 @@ def kind_of(word: str) -> str:
 
 
 def _kind_of_name(word: str) -> str:
-    from sonarhw_sim.board.profile import board_names
-    from sonarhw_sim.room.room import SHIPPED_ROOMS
+    from sonarhw_sim.files import SHIPPED_BOARDS, SHIPPED_ROOMS  # reads TOML, which loads slowly
 
     if word in SHIPPED_ROOMS.names():
         return "shipped room"
-    return "shipped board" if word in board_names() else ""
+    return "shipped board" if word in SHIPPED_BOARDS.names() else ""
 
 
 def _kind_of_file(path: Path) -> str:

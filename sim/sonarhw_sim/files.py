@@ -364,3 +364,7 @@ class Shipped:
             return f"{path}: is not a {self.document}; expected a file NAME{SUFFIX}, or one of: {', '.join(names)}"
         hint = f"; did you mean the file ./{path}?" if path else did_you_mean(name, names)
         return f"unknown {self.what} {quoted(name)}{hint or ';'} known: {', '.join(names)}, or a file NAME{SUFFIX}"
+
+
+SHIPPED_ROOMS = Shipped("sonarhw_rooms", "room", "room file")
+SHIPPED_BOARDS = Shipped("sonarhw_sim.board.shipped", "board", "board profile")

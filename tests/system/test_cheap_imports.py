@@ -16,6 +16,7 @@ import pytest
         ("sonarhw", "numpy serial lazy_loader sonarhw_sim sonarhw_compare typer"),
         ("sonarhw_compare.fit.quantities", "numpy numba scipy emcee"),
         ("sonarhw_sim.predict.prediction", "numba scipy.special scipy.spatial scipy.optimize matplotlib"),
+        ("sonarhw_sim.files", "numpy"),  # names the shipped rooms and boards in completions and errors
         ("sonarhw_cli.app", "numpy numba scipy matplotlib PySide6 sonarhw.wire.messages sonarhw_cli.hints"),
     ],
 )

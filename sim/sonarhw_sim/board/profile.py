@@ -16,7 +16,7 @@ from sonarhw import arguments
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray, Reading
 from sonarhw_sim.air import Air, EdgeStrength, Receiver, Unit, absorption
-from sonarhw_sim.files import Shipped, TomlModel, about, parse_toml
+from sonarhw_sim.files import SHIPPED_BOARDS, TomlModel, about, parse_toml
 from sonarhw_sim.room.room import ENDLESS, Place, Room, with_post, with_walls
 from sonarhw_sim.room.room_file import MEETING
 
@@ -264,7 +264,6 @@ class Ring(TomlModel):
         return TransducerPose(heading, face, face, self.firing_times[sensor])
 
 
-SHIPPED_BOARDS = Shipped("sonarhw_sim.board.shipped", "board", "board profile")
 MOST_RANGE = 1000.0  # m; sound in air fades long before
 
 MOST_NAME = 60  # bytes in UTF-8; a scanner sends the name, and the protocol limits it

@@ -17,7 +17,7 @@ from sonarhw import arguments
 from sonarhw.errors import InputError, counted
 from sonarhw.readings import FloatArray, same_values
 from sonarhw_sim.air import Air
-from sonarhw_sim.files import Shipped, parse_toml
+from sonarhw_sim.files import SHIPPED_ROOMS, parse_toml
 from sonarhw_sim.room.edges import Edges, EdgesByHeight, edges_on_walls, find_edges, find_edges_by_height
 from sonarhw_sim.room.grid import Listing, Surfaces, lay_grid, only
 from sonarhw_sim.room.room_file import (
@@ -312,7 +312,6 @@ class Lid:
 # lids. Floor, ceiling and lids reflect sound only from places with a height.
 
 
-SHIPPED_ROOMS = Shipped("sonarhw_rooms", "room", "room file")
 ENDLESS: Span = (-math.inf, math.inf)
 
 
