@@ -27,22 +27,25 @@ Predict
 - `predict`, `PredictionOptions`, `PredictedScan`: the prediction of a scan.
 - `predict_ranges`: the ranges at many poses, on all cores. `range_table`, `RangeTable`, `load_range_table`: those of a
   whole room, to be looked up.
+- `load_study`, `run_study`, `read_study`: many predictions; needs the extra `study`.
 
 Compare
 
 - `scan_from_arrays`, `GivenScan`: a scan from headings and ranges. `save_scan` writes it as a log.
 - `import_scan`, `ImportOptions`, `ImportedScan`: a scan from a file of another program.
 - `compare`, `Comparison`, `explain_reading`: each reading beside its prediction, and its cause in words.
+- `compare_scans`: two scans by heading, without a room. `find_missing`: changes of the room that explain misfits.
+- `calibrate`: a board profile from scans of a plate or of a known room.
+- `write_report`: one HTML file about a scan.
+- `draw_plan`, `draw_comparison`, `draw_located`, `draw_track`, `draw_map`: results as Matplotlib figures.
+
+Find pose and room
+
 - `fit`, `FitOptions`, `FitResult`, `PlacedScan`: pose, board and room that explain scans best.
 - `locate`, `Located`: the possible poses of a scan in a known room.
 - `track`, `Track`: the trajectory of a robot, from a log with odometry. `Tracker`, `Tracked`: the same while it moves.
 - `log_likelihood`: how well readings fit many poses.
 - `map_room`, `map_scans`, `RoomMap`: an unknown room from several scans.
-- `compare_scans`: two scans by heading, without a room. `find_missing`: changes of the room that explain misfits.
-- `load_study`, `run_study`, `read_study`: many predictions; needs the extra `study`.
-- `calibrate`: a board profile from scans of a plate or of a known room.
-- `write_report`: one HTML file about a scan.
-- `draw_plan`, `draw_comparison`, `draw_located`, `draw_track`, `draw_map`: results as Matplotlib figures.
 
 Tests and simulations
 
