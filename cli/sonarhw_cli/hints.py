@@ -254,9 +254,19 @@ def _about_argument(message: str, line: _Line) -> str:
         hint = "write them in this order"
     elif value.startswith("--"):
         hint = "arguments stand without an option before them"
-    elif message.startswith("Missing ") and any(re.search(r":.+\?\w+=", word) for word in line.arguments[-1:]):
+    elif message.startswith("Missing argument") and (taken := _first(_taken_by_option(line))):
+        hint = taken
+    elif message.startswith("Missing ") and any(re.search(r":.+\?\w+=[^&]*$", word) for word in line.arguments[-1:]):
         hint = "write the URL in quotes, because the shell reads & as the end of the command"
     return _joined(message, f"expected `{line.usage}`", hint, line.see)
+
+
+def _taken_by_option(line: _Line) -> Iterator[str]:
+    """Yield that an option took the word that an argument expects, such as a log, as its value."""
+    kinds = {kind for argument in line.accepted for kind in expected_of(argument, line.context.command)[0].split("|")}
+    for option, value in pairwise(line.arguments):
+        if option in line.options and option not in line.flags and kind_of(value) in kinds - {""}:
+            yield f"{option} took {value} as its value: write `{line.path} {value} {option} VALUE`"
 
 
 # Unknown commands.

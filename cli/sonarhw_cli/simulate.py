@@ -312,11 +312,15 @@ def _check_grain(grain: int, room: "Room", model: Model) -> None:
 
 
 def warn_of_doubts(scan: "PredictedScan", model: "Model") -> None:
-    """Warn about readings in the near field, a face outside the room, and a scan without an echo."""
+    """Warn about readings in the near field or of noise, a face outside the room, and a scan without an echo."""
+    from sonarhw_sim.predict.prediction import noise_doubts
+
     if model.follows_sound:
         _warn_of_near_field(scan)
     _warn_of_face_outside(scan)
     _warn_of_silence(scan)
+    for doubt in noise_doubts(scan.board, scan.noise, scan.receiver):
+        options.warn(doubt)
 
 
 def _warn_of_near_field(scan: "PredictedScan") -> None:

@@ -16,6 +16,7 @@ from typing import Literal
 
 import numpy as np
 from sonarhw_sim.board.profile import Board, without_own_body
+from sonarhw_sim.files import did_you_mean
 
 from sonarhw import arguments
 from sonarhw.errors import InputError, counted
@@ -295,8 +296,6 @@ def _check_names(where: str, data: bytes, names: ColumnNames) -> None:
     wanted = [name for name in (names.heading, names.range, names.time, *names.pose) if name]
     table = text_table(data, names.decimal_comma, wanted)
     has = f"its columns: {', '.join(table.names)}" if table else "it has no columns"
-    if not names.heading or not names.range:
-        raise InputError(f"{where}: name the columns of both heading and range; {has}")
     if repeated := next((name for name in wanted if wanted.count(name) > 1), None):
         raise InputError(
             f"{where}: column {repeated!r} is given for two quantities; expected one column each for heading, range "
@@ -305,7 +304,11 @@ def _check_names(where: str, data: bytes, names: ColumnNames) -> None:
     for name in wanted if table else ():
         if table and table.names.count(name) != 1 and name not in column_names(len(table.names)):
             problem = "no column" if name not in table.names else "more than one column"
-            raise InputError(f"{where}: {problem} {name!r}; {has}")
+            near = did_you_mean(name, table.names) if name not in table.names else ""
+            raise InputError(f"{where}: {problem} {name!r}{near or ';'} {has}")
+    if not names.heading or not names.range:
+        missing = "heading=" if names.range else "range="
+        raise InputError(f"{where}: name the columns of both heading and range: {missing} is missing; {has}")
 
 
 def _content(file: Path) -> bytes:

@@ -26,20 +26,20 @@ _ALIKE = 0.6  # similarity from 0 to 1; 'pressure' and 'pressure_kpa' have 0.8
 _MOST_LETTERS = 100  # longer words are not compared: the time is quadratic
 
 
-def near_miss(word: str, words: Iterable[str]) -> str | None:
-    """Return the only known name that begins with a word, else the most similar one, or None if none is similar."""
+def near_misses(word: str, words: Iterable[str]) -> list[str]:
+    """Return the one or two known names that begin with a word, else the most similar one; none if none is similar."""
     names = {name.casefold(): name for name in words}
     longer = [name for key, name in names.items() if key.startswith(word.casefold())] if len(word) > 1 else []
-    if len(longer) == 1:
-        return longer[0]
+    if len(longer) in (1, 2):
+        return longer
     close = get_close_matches(word.casefold(), names, n=1, cutoff=_ALIKE) if len(word) <= _MOST_LETTERS else []
-    return names[close[0]] if close else None
+    return [names[key] for key in close]
 
 
 def did_you_mean(word: str, words: Iterable[str]) -> str:
     """Return `; did you mean 'NAME'?` for the most similar of the known names, or an empty text."""
-    near = near_miss(word, words)
-    return f"; did you mean {near!r}?" if near is not None else ""
+    near = near_misses(word, words)
+    return f"; did you mean {' or '.join(map(repr, near))}?" if near else ""
 
 
 # TOML files, checked against a model; an error is one line that names the file and the key
@@ -258,7 +258,7 @@ def _suggestion(location: Sequence[int | str], model: type[TomlModel]) -> str:
     """Return the key that an unknown key probably means, with its unit, or all keys of its table."""
     word, fields = str(location[-1]), _fields_at(location[:-1], model)
     variant = _VARIANTS.get(word.casefold())
-    near = variant if variant in fields else near_miss(word, fields)
+    near = variant if variant in fields else next(iter(near_misses(word, fields)), None)
     if near is None:
         return f"; known: {', '.join(fields)}"
     extra = fields[near].json_schema_extra

@@ -215,9 +215,14 @@ def _normal_of(text: str) -> tuple[float, float] | None:
 
 
 def _malformed_prior(prior: str) -> InputError:
+    hint = ""
+    if re.search(r"\d ?(?!e[+-]?\d)[^\W\d]|[°%]", prior.partition("=")[2]):
+        hint = ", without units: lengths are metres, headings degrees"
+    elif "," in prior:
+        hint = ", with decimal points"
     return InputError(
         f"prior {prior}: expected NAME=VALUE+-DEVIATION, or NAME=LOW..HIGH with LOW below HIGH, "
-        f"and numbers from -{_MOST:g} to {_MOST:g}"
+        f"and numbers from -{_MOST:g} to {_MOST:g}{hint}"
     )
 
 

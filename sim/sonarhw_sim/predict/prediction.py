@@ -397,7 +397,7 @@ def predict(
     object; by default the only place of the room. `headings` (n,) are rad in the room, or degrees with `degrees`; by
     default a whole turn in steps of 5 degrees, or those of the sensors of a ring. The default options have the receiver
     of the board profile. Raises InputError. Emits a Python warning if the place is outside the room or inside an
-    object, or if headings are probably degrees.
+    object, if headings are probably degrees, or if noise hides the echoes.
     """
     room = room if isinstance(room, Room) else load_room(room)
     profile = board if isinstance(board, Board) else load_board(board)
@@ -409,4 +409,21 @@ def predict(
     else:
         radians = arguments.angles("headings", headings)
         radians = arguments.in_radians("headings", radians, degrees)
-    return predict_with(model, room, here, profile, radians, options)
+    scan = predict_with(model, room, here, profile, radians, options)
+    for doubt in noise_doubts(profile, scan.noise, scan.receiver):
+        arguments.emit(doubt)
+    return scan
+
+
+_LOUD_NOISE, _QUIET_NOISE = 0.4, 0.2  # of the threshold: a third and a twelfth of the laboratory's readings are noise
+
+
+def noise_doubts(board: Board, noise: float, receiver: Receiver) -> tuple[str, ...]:
+    """Return a warning if the noise (rms, 1 is full scale) crosses the threshold in many pings before an echo does."""
+    threshold = 10 ** (board.threshold_db / 20)
+    if receiver is not Receiver.BOARD or noise < _LOUD_NOISE * threshold:
+        return ()
+    return (
+        f"noise {noise:g}: crosses the threshold, {threshold:.2g} of full scale, in many pings, so that many readings "
+        f"are of noise; with {_QUIET_NOISE * threshold:.2g}, most are of echoes",
+    )

@@ -17,7 +17,7 @@ from sonarhw import arguments
 from sonarhw.errors import InputError, counted
 from sonarhw.readings import FloatArray, same_values
 from sonarhw_sim.air import Air
-from sonarhw_sim.files import SHIPPED_ROOMS, parse_toml
+from sonarhw_sim.files import SHIPPED_ROOMS, did_you_mean, parse_toml
 from sonarhw_sim.room.edges import Edges, EdgesByHeight, edges_on_walls, find_edges, find_edges_by_height
 from sonarhw_sim.room.grid import Listing, Surfaces, lay_grid, only
 from sonarhw_sim.room.room_file import (
@@ -490,7 +490,10 @@ class Room:
                 hint = " or X,Y,DEG, with decimal points, such as 1.5,0.8"
             elif name.count(",") in (1, 2) and re.search(r"\d", name):
                 hint = " and DEG as numbers, without units, spaces or brackets"
-            raise InputError(f"room {self.name!r}: no place {name!r}; {self._known_places()}, or X,Y in metres{hint}")
+            near = did_you_mean(name, self.places) or ";"
+            raise InputError(
+                f"room {self.name!r}: no place {name!r}{near} {self._known_places()}, or X,Y in metres{hint}"
+            )
         return place
 
     def _free_place(self, place: Place) -> Place:
@@ -831,6 +834,8 @@ def place_doubts(room: Room, place: Place) -> tuple[str, ...]:
         metres = (x / 100, y / 100)
         is_far = max(abs(x), abs(y)) >= _PROBABLY_CENTIMETRES and not room.is_outside(metres)
         hint = f"; if these are centimetres, it is at {x / 100:g}, {y / 100:g} m" if is_far else ""
+        (left, bottom), (right, top) = _corners(room)
+        hint = hint or f", whose walls are between {left:g}, {bottom:g} and {right:g}, {top:g} m"
         return (f"{where} outside room {room.name!r}{hint}",)
     walls = object_around(room, place)
     if walls is not None:
@@ -845,12 +850,17 @@ def place_doubts(room: Room, place: Place) -> tuple[str, ...]:
     )
 
 
+def _corners(room: Room) -> tuple[FloatArray, FloatArray]:
+    """Return the least and the largest coordinates of the ends of walls and the middles of posts, (2,) m each."""
+    ends = np.vstack((room.walls.reshape(-1, 2), room.posts[:, :2]))
+    return ends.min(axis=0), ends.max(axis=0)
+
+
 def warn_of_poses(name: str, room: Room, positions: FloatArray, warn: Callable[[str], None] = arguments.emit) -> None:
     """Warn if most of these positions (n, 2) m are beyond all walls and posts."""
-    ends = np.vstack((room.walls.reshape(-1, 2), room.posts[:, :2]))
-    beyond = ((positions < ends.min(axis=0)) | (positions > ends.max(axis=0))).any(axis=1)
+    (left, bottom), (right, top) = lowest, highest = _corners(room)
+    beyond = ((positions < lowest) | (positions > highest)).any(axis=1)
     if beyond.sum() > len(positions) / 2:
-        (left, bottom), (right, top) = ends.min(axis=0), ends.max(axis=0)
         many = f"{beyond.sum()} of {len(positions)} are" if len(positions) > 1 else "it is"
         warn(
             f"{name}: {many} beyond the walls, which are between {left:g}, {bottom:g} and {right:g}, {top:g} m; "

@@ -288,3 +288,13 @@ def test_a_ring_has_its_own_headings_and_levels_are_over_the_threshold() -> None
     ranges, levels = sonarhw.predict_ranges(room, poses_in(room, 2, seed=5), board=ring, levels=True)
     assert ranges.shape == levels.shape == (2, 6)
     assert ((levels >= 0) == np.isfinite(ranges)).mean() > 0.98
+
+
+def test_noise_that_hides_the_echoes_gives_a_warning() -> None:
+    clear, hidden = PredictionOptions(noise=0.003), PredictionOptions(noise=0.01)
+    expected = sonarhw.predict("simple", "figure9", "polaroid-6500").ranges
+    with pytest.warns(UserWarning, match="noise 0.01: crosses the threshold.*; with 0.002, most are of echoes"):
+        noisy = sonarhw.predict("simple", "figure9", "polaroid-6500", options=hidden).ranges
+    assert (abs(noisy - expected) > 0.02).mean() > 0.5
+    ranges = sonarhw.predict("simple", "figure9", "polaroid-6500", options=clear).ranges
+    assert (abs(ranges - expected) > 0.02).mean() < 0.3
