@@ -106,8 +106,9 @@ ROWS = (
         "paper",
         "How long does a pose of 16 readings take?",
         "python -m benchmarks.batch",
-        r"^laboratory +hc-sr04 +\S+ ms +(\S+ ms).*paper's algorithm.*^laboratory +hc-sr04 +(\S+ ms)",
-        "{0} in the laboratory; by the paper's algorithm {1}",
+        r"^arena +hc-sr04 +\S+ ms +(\S+ ms).*?^laboratory +hc-sr04 +\S+ ms +(\S+ ms).*"
+        r"paper's algorithm\narena +hc-sr04 +(\S+ ms)\nlaboratory +hc-sr04 +(\S+ ms)$",
+        "{0} in the arena, {1} in the laboratory; by the paper's algorithm {2} and {3}",
     ),
     Row(
         "image_sources",

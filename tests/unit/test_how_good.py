@@ -36,10 +36,12 @@ def table(page: str) -> list[str]:
         ),
         (
             "paper",
-            "laboratory hc-sr04          8.00 ms    1.20 ms   6.7    0.00%   1.90  0.010 ms\npaper's algorithm\n"
-            "arena      hc-sr04          2.10 ms\nlaboratory hc-sr04          4.70 ms\ntable of the room\n"
-            "laboratory hc-sr04            3.1 s    2.0 MB   30.0 million/s   97.0%\n",
-            "1.20 ms in the laboratory; by the paper's algorithm 4.70 ms",
+            "arena      hc-sr04          4.07 ms    0.60 ms   4.8    0.00%   1.60  0.011 ms\n"
+            "laboratory hc-sr04          8.12 ms    1.70 ms   3.4    0.00%   1.68  0.011 ms\n"
+            "arena      polaroid-6500   33.99 ms    6.99 ms   4.9    0.00%   1.62  0.017 ms\n"
+            "paper's algorithm\narena      hc-sr04          5.20 ms\nlaboratory hc-sr04          4.40 ms\n"
+            "table of the room         made in\nlaboratory hc-sr04           15.2 s    8.7 MB\n",
+            "0.60 ms in the arena, 1.70 ms in the laboratory; by the paper's algorithm 5.20 ms and 4.40 ms",
         ),
         (
             "image_sources",
