@@ -463,11 +463,13 @@ def _longer(unknown: _UnknownOption) -> Sequence[str]:
 def _other_answers_for(unknown: _UnknownOption) -> Iterator[str]:
     """Yield what else to do for what an unknown option may mean."""
     line, option, word = unknown.line, unknown.option, unknown.word
+    later = [word for word in line.arguments if word in line.commands]
+    behind = (f"options of a command stand behind it: `sonarhw {command} ... {option}`" for command in later)
+    if any(option in parameter.opts for command in later for parameter in line.commands[command].params):
+        yield from behind
     if word in line.program_commands and not line.program_commands[word].hidden:
         yield f"`sonarhw {word}` is a command of its own"
-    for later in line.arguments:
-        if later in line.commands:
-            yield f"options of a command stand behind it: `sonarhw {later} ... {option}`"
+    yield from behind
     if line.is_program:
         yield from (_meant(f"sonarhw {first}") for first in map(_first_command, line.arguments) if first)
     yield line.argument_expected
@@ -527,7 +529,8 @@ def _written_elsewhere(word: str, line: _Line) -> str:
     others = [f"`{path} {argument} {option}`" for path, c in same for option in _writers(word, c, line)[:1]]
     if not argument or not others or _writers(word, command, line):
         return ""
-    return f"{word.upper()} is written by {' or '.join(dict.fromkeys((others[0], others[-1])))}"
+    exports = [other for other in others if "export" in other]  # of any log; a track needs poses
+    return f"{word.upper()} is written by {' or '.join(dict.fromkeys(exports or (others[0], others[-1])))}"
 
 
 def _writers(word: str, command: Any, line: _Line) -> list[str]:
@@ -631,7 +634,9 @@ def _without_space(word: str, line: _Line) -> str:
     values = [arguments[at - 1], *takewhile(value.fullmatch, arguments[at:])]
     written = line.written(option)
     if "," in written and (value is _NUMBERS or "|" not in written):
-        return f"write `{option} {','.join(part.rstrip(',') for part in values)}` without a space"
+        decimals = all(re.fullmatch(r"-?\d+,\d+", part) for part in values)
+        parts = [part.replace(",", ".") if decimals else part.rstrip(",") for part in values]
+        return f"write `{option} {','.join(parts)}`{' with decimal points and' if decimals else ''} without a space"
     is_many = getattr(line.options[option], "multiple", False)
     return f"repeat the option: `{' '.join(f'{option} {part}' for part in values)}`" if is_many else ""
 

@@ -66,7 +66,7 @@ _OTHER_OPTIONS = (
     _Instead("--guess tries the usual baud rates", "baud baudrate b rate speed", "PORT"),
     _Instead("without an option, `sonarhw ports` lists all", "a all l list", "PORT", option="--guess"),
     _Instead(
-        "the rate stands in the URL: `lines:/dev/ttyUSB0?baud=9600&preset=NAME`", "baud baudrate b rate speed", "URL"
+        "the rate stands in the URL: `'lines:/dev/ttyUSB0?baud=9600&preset=NAME'`", "baud baudrate b rate speed", "URL"
     ),
     _Instead(
         "its address is --tcp HOST:PORT; the URL of the scanner stands without an option before it",
@@ -88,7 +88,7 @@ _OTHER_OPTIONS = (
     _Instead("its address is --tcp HOST:PORT", "address host listen p port url"),
     _Instead(
         "the unit of a file is an option of `sonarhw import`; that of a device stands in the URL: "
-        "`lines:/dev/ttyUSB0?preset=NAME&unit=cm`",
+        "`'lines:/dev/ttyUSB0?preset=NAME&unit=cm'`",
         "unit units",
         "SCAN",
     ),
@@ -113,7 +113,7 @@ _OTHER_OPTIONS = (
         "LOG",
         "--receiver",
     ),
-    _Instead("the unit stands in the URL: `lines:/dev/ttyUSB0?preset=NAME&unit=cm`", "unit units", "URL"),
+    _Instead("the unit stands in the URL: `'lines:/dev/ttyUSB0?preset=NAME&unit=cm'`", "unit units", "URL"),
     _Instead("pings at each heading are --pings", "average averages mean repetitions samples shots"),
     _Instead("the farthest range is --max-range, in metres", "limit max-dist max-distance maximum"),
     _Instead("the time for reconnecting is --reconnect, in seconds", "timeout wait"),
@@ -156,6 +156,12 @@ _OTHER_OPTIONS = (
         "the demo has a room and a place of its own; `sonarhw gui 'fake:ROOM?place=NAME'` shows another",
         "board pace place room scanner seed url",
         option="--headless",
+    ),
+    _Instead(
+        "the window writes pictures with Ctrl+P; without it, `sonarhw compare` draws them, and `sonarhw report` writes "
+        "a report",
+        "export html o out output pdf picture plot png report save",
+        "LOG|SCAN|URL|ROOM",
     ),
     _Instead("the start is --start NAME or --start X,Y,DEG", f"at near place {_POSITION}"),
     _Instead("the place of the sensor is --place NAME or --place X,Y,DEG", f"at sensor-position x y {_POSITION}"),
