@@ -217,7 +217,7 @@ _SAMPLE = 0.004  # m, spacing of the samples of a predicted envelope
 
 def plan_svg(comparison: Comparison) -> bytes:
     """Return the plan of the room with the measured points, by class, over the predicted ones."""
-    figure, (axes,) = _figure((7.6, 6.4), 1)
+    figure, (axes,) = _figure((10, 6.4), 1)
     prediction = comparison.prediction
     draw_room(axes, prediction.room, prediction.place)
     predicted = points_at(prediction.standpoints, prediction.headings, prediction.ranges)
@@ -232,7 +232,7 @@ def plan_svg(comparison: Comparison) -> bytes:
     axes.set(xlabel="x (m)", ylabel="y (m)")
     axes.set_aspect("equal")
     axes.legend(loc="upper left", bbox_to_anchor=(1, 1), frameon=False, title=f"{comparison.origin} readings")
-    return picture_bytes(figure, ".svg")
+    return picture_bytes(figure, ".svg", tight=True)  # axes of equal scale do not fill the figure
 
 
 def ranges_svg(comparison: Comparison) -> bytes:

@@ -52,7 +52,7 @@ def comparison() -> Comparison:
 def drawn(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[[Comparison], bytes], Comparison], Figure]:
     """Return a function that returns the figure of a picture."""
     figures: list[Figure] = []
-    monkeypatch.setattr(report, "picture_bytes", lambda figure, _: figures.append(figure) or b"")
+    monkeypatch.setattr(report, "picture_bytes", lambda figure, _, **_tight: figures.append(figure) or b"")
 
     def draw(picture: Callable[[Comparison], bytes], comparison: Comparison) -> Figure:
         picture(comparison)
