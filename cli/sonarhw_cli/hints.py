@@ -249,6 +249,8 @@ def _about_number(option: str, given: str, parameter: Any) -> str:
 def _about_argument(message: str, line: _Line) -> str:
     """Return the message about a missing or invalid argument, or a missing option, with the usage."""
     hint = "`sonarhw ports` lists the scanners" if re.match("Missing argument '(URL|PORT)'", message) else ""
+    if message.startswith("Missing argument 'ROOM'"):
+        hint = "`sonarhw room list` lists the shipped rooms"
     value = message.partition(" ")[2].partition(": expected")[0]
     if kind_of(value) == "URL":
         hint = "write them in this order"
@@ -265,7 +267,9 @@ def _taken_by_option(line: _Line) -> Iterator[str]:
     """Yield that an option took the word that an argument expects, such as a log, as its value."""
     kinds = {kind for argument in line.accepted for kind in expected_of(argument, line.context.command)[0].split("|")}
     for option, value in pairwise(line.arguments):
-        if option in line.options and option not in line.flags and kind_of(value) in kinds - {""}:
+        if option not in line.options or option in line.flags or Path(value).suffix in line.written(option):
+            continue  # a flag takes none, and the value may be meant for the option
+        if os.path.exists(value) and kind_of(value) in kinds - {""}:
             yield f"{option} took {value} as its value: write `{line.path} {value} {option} VALUE`"
 
 

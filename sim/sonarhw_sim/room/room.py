@@ -488,6 +488,8 @@ class Room:
                 hint = " without a space"
             elif re.fullmatch(r"-?[\d.]+(,-?[\d.]+){3,}", name):
                 hint = " or X,Y,DEG, with decimal points, such as 1.5,0.8"
+            elif re.fullmatch(r"-?\d+,\d+ *[; ] *-?\d+,\d+", name):
+                hint = " with decimal points, such as 1.5,0.8"
             elif name.count(",") in (1, 2) and re.search(r"\d", name):
                 hint = " and DEG as numbers, without units, spaces or brackets"
             near = did_you_mean(name, self.places) or ";"
