@@ -87,8 +87,8 @@ class _Line:
     @cached_property
     def options(self) -> Mapping[str, Any]:
         """Options by their names."""
-        found = [parameter for parameter in self.parameters if parameter.param_type_name == "option"]
-        return {name: parameter for parameter in found for name in parameter.opts}
+        parameters = [parameter for parameter in self.parameters if parameter.param_type_name == "option"]
+        return {name: parameter for parameter in parameters for name in parameter.opts}
 
     @cached_property
     def flags(self) -> set[str]:
@@ -118,14 +118,14 @@ class _Line:
     def all_commands(self) -> Sequence[tuple[str, Any]]:
         """All commands of the program by how they are written, but the hidden ones."""
         waiting: list[tuple[str, Any]] = [("sonarhw", self.context.find_root().command)]
-        found: list[tuple[str, Any]] = []
+        commands: list[tuple[str, Any]] = []
         for path, command in waiting:
             parts = getattr(command, "commands", None)
             if parts is None:
-                found.append((path, command))
+                commands.append((path, command))
             else:
                 waiting.extend((f"{path} {name}", part) for name, part in parts.items() if not part.hidden)
-        return found
+        return commands
 
     @cached_property
     def usage(self) -> str:
@@ -265,7 +265,7 @@ def _about_argument(message: str, line: _Line) -> str:
 
 def _taken_by_option(line: _Line) -> Iterator[str]:
     """Yield that an option took the word that an argument expects, such as a log, as its value."""
-    kinds = {kind for argument in line.accepted for kind in expected_of(argument, line.context.command)[0].split("|")}
+    kinds = {kind for argument in line.accepted for kind in line.kinds_of(argument)}
     for option, value in pairwise(line.arguments):
         if option not in line.options or option in line.flags or Path(value).suffix in line.written(option):
             continue  # a flag takes none, and the value may be meant for the option
@@ -513,8 +513,8 @@ def _about_format(word: str, line: _Line) -> str:
     word = "png" if word in other_words.PICTURES else word
     if word not in other_words.FORMATS:
         return ""
-    if here := _writers(word, line.context.command, line):
-        return f"{word.upper()} is written with `{here[0]}`"
+    if writers := _writers(word, line.context.command, line):
+        return f"{word.upper()} is written with `{writers[0]}`"
     out = line.options.get("--out")
     writes = f"this command writes `{line.written('--out')}`" if out else ""
     endings = ", ".join(re.findall(r"\.\w+", out.help or "")) if out and out.metavar in (None, "FILE") else ""
@@ -539,17 +539,17 @@ def _written_elsewhere(word: str, line: _Line) -> str:
 
 def _writers(word: str, command: Any, line: _Line) -> list[str]:
     """Return the options of a command that write a format of files, as `--out FILE.csv`."""
-    found = []
+    writers = []
     for parameter in command.params:
         if not {*parameter.opts} & {"--out", "--plot", "--json"}:
             continue
         name, _, value = written_option(parameter, line.context).partition(" ")
         about = f"{value} {parameter.help} {command.help if name == '--out' and value.startswith('FILE') else ''}"
         if name == f"--{word}":
-            found.append(name)
+            writers.append(name)
         elif re.search(rf"[|.]{word}\b", about):
-            found.append(f"{name} FILE.{word}")
-    return found
+            writers.append(f"{name} FILE.{word}")
+    return writers
 
 
 # Arguments too many.
@@ -630,12 +630,12 @@ def _values_for(extra: _Extra) -> Iterator[str]:
 def _without_space(word: str, line: _Line) -> str:
     """Return how to write a list or several values of an option whose values are separated by spaces."""
     arguments = line.arguments
-    at = next((k for k in range(2, len(arguments)) if arguments[k] == word and arguments[k - 2].startswith("--")), 0)
-    option = arguments[at - 2] if at else ""
+    row = next((k for k in range(2, len(arguments)) if arguments[k] == word and arguments[k - 2].startswith("--")), 0)
+    option = arguments[row - 2] if row else ""
     value = _NUMBERS if _NUMBERS.fullmatch(word) else _NAMES
     if option not in line.options or option in line.flags or kind_of(word) or not value.fullmatch(word):
         return ""
-    values = [arguments[at - 1], *takewhile(value.fullmatch, arguments[at:])]
+    values = [arguments[row - 1], *takewhile(value.fullmatch, arguments[row:])]
     written = line.written(option)
     if "," in written and (value is _NUMBERS or "|" not in written):
         decimals = all(re.fullmatch(r"-?\d+,\d+", part) for part in values)
@@ -681,9 +681,9 @@ def _uses_of_value(extra: _Extra) -> Iterator[str]:
     numbers = [option for option in map(line.written, line.options) if re.search(" (INTEGER|NUMBER)$", option)]
     if numbers and re.fullmatch(r"-?[\d.]+", word):
         yield f"numbers are given with options, such as `{'`, `'.join(numbers[:3])}`"
-    at = line.arguments.index(word) if word in line.arguments else 0
-    if at > 1 and line.arguments[at - 2] in line.options:
-        yield f"{line.arguments[at - 2]} takes one value"
+    row = line.arguments.index(word) if word in line.arguments else 0
+    if row > 1 and line.arguments[row - 2] in line.options:
+        yield f"{line.arguments[row - 2]} takes one value"
     yield line.divided_name
     place = _first(extra.others) or word
     if "--place" not in line.options:
@@ -740,8 +740,8 @@ def _new_room(match: _Match, _line: _Line) -> str:
 
 def _other_ending(match: _Match, line: _Line) -> str:
     word = match[2].lower()
-    here = [option for option in _writers(word, line.context.command, line) if not option.startswith(match[1])]
-    return f"{word.upper()} is written with `{here[0]}`" if here else _written_elsewhere(word, line)
+    writers = [option for option in _writers(word, line.context.command, line) if not option.startswith(match[1])]
+    return f"{word.upper()} is written with `{writers[0]}`" if writers else _written_elsewhere(word, line)
 
 
 def _room_with_place(match: _Match, _line: _Line) -> str:
