@@ -9,35 +9,15 @@ from typing import TypeVar
 
 from sonarhw.device.protocol import Device
 from sonarhw.link import Link
+from sonarhw.wire import messages as msg
 from sonarhw.wire.frames import DELIMITER, Frame, FrameDecoder, Rejected, encode_frame
 from sonarhw.wire.limits import PROTOCOL_MAJOR, PROTOCOL_MINOR
-from sonarhw.wire.messages import (
-    Accepted,
-    AnswerMessage,
-    AskCapabilities,
-    AskStatistics,
-    Capabilities,
-    Configure,
-    Finished,
-    Heartbeat,
-    Hello,
-    Home,
-    Info,
-    Message,
-    ReadingMessage,
-    Refused,
-    Settings,
-    Stop,
-    Turn,
-    Zero,
-    unpack_message,
-)
 from tests.hang_guard import HANG
 
 HELLO_PERIOD = 0.5  # s
 KEEPALIVE_PERIOD = 0.5  # s
 STEP = 0.02  # s, at most, between two looks at a device without a port
-M = TypeVar("M", bound=Message)
+M = TypeVar("M", bound=msg.Message)
 
 
 class DirectLine:
@@ -67,7 +47,7 @@ class ReceivedFrame:
     """One received frame and its message; None if the type is unknown."""
 
     frame: Frame
-    message: Message | None
+    message: msg.Message | None
 
 
 class Talk:
@@ -85,7 +65,7 @@ class Talk:
 
     # sending
 
-    def send(self, *messages: Message) -> list[int]:
+    def send(self, *messages: msg.Message) -> list[int]:
         """Send messages in one piece; return their sequence numbers."""
         return self.send_frames(*((message.TYPE, message.pack()) for message in messages))
 
@@ -106,7 +86,9 @@ class Talk:
 
     # receiving
 
-    def until(self, wanted: Callable[[list[Message]], bool], since: int = 0, alive: bool = True) -> list[Message]:
+    def until(
+        self, wanted: Callable[[list[msg.Message]], bool], since: int = 0, alive: bool = True
+    ) -> list[msg.Message]:
         """Receive until `wanted` accepts the messages from index `since` on, and return them; fail after HANG.
 
         Sends keepalive messages meanwhile if `alive`. Their answers are among the messages.
@@ -116,7 +98,7 @@ class Talk:
             assert self.clock() < deadline, f"only {messages[-5:]} received within {HANG:g} s"
             if alive and self.clock() > self._kept_alive + KEEPALIVE_PERIOD:
                 self._kept_alive = self.clock()
-                self.send(AskStatistics())
+                self.send(msg.AskStatistics())
             self.listen()
         return messages
 
@@ -126,83 +108,83 @@ class Talk:
             if isinstance(item, Rejected):
                 self.rejected.append(item)
             else:
-                self.received.append(ReceivedFrame(item, unpack_message(item.type, item.payload)))
+                self.received.append(ReceivedFrame(item, msg.unpack_message(item.type, item.payload)))
 
-    def messages(self, since: int = 0) -> list[Message]:
+    def messages(self, since: int = 0) -> list[msg.Message]:
         """Return the messages from index `since` on."""
         return [item.message for item in self.received[since:] if item.message is not None]
 
     # commands
 
-    def answer(self, message: Message) -> Message:
+    def answer(self, message: msg.Message) -> msg.Message:
         """Send a message and return its answer."""
         (answer,) = self.answers(message)
         return answer
 
-    def answers(self, *messages: Message) -> list[Message]:
+    def answers(self, *messages: msg.Message) -> list[msg.Message]:
         """Send messages in one piece and return their answers."""
         since = len(self.received)
         numbers = self.send(*messages)
         return [self._answer_to(number, since) for number in numbers]
 
-    def answer_to_frame(self, kind: int, payload: bytes) -> Message:
+    def answer_to_frame(self, kind: int, payload: bytes) -> msg.Message:
         """Send a frame and return its answer."""
         since = len(self.received)
         (number,) = self.send_frames((kind, payload))
         return self._answer_to(number, since)
 
-    def ask(self, message: Message, kind: type[M]) -> M:
+    def ask(self, message: msg.Message, kind: type[M]) -> M:
         """Send a message and return its answer, which must be of that type."""
         answer = self.answer(message)
         assert isinstance(answer, kind)
         return answer
 
-    def act(self, message: Message) -> tuple[Message, list[Message], Finished]:
+    def act(self, message: msg.Message) -> tuple[msg.Message, list[msg.Message], msg.Finished]:
         """Send Home, Turn or StartScan; return its answer, all messages until its Finished, and the Finished."""
         since = len(self.received)
         (number,) = self.send(message)
         answer = self._answer_to(number, since)
-        assert not isinstance(answer, Refused), answer
+        assert not isinstance(answer, msg.Refused), answer
         messages = self.until(lambda messages: any(True for _ in _finished(messages, number)), since)
         return answer, messages, next(_finished(messages, number))
 
-    def greet(self) -> Info:
+    def greet(self) -> msg.Info:
         """Send Hello until an Info arrives. Forget the messages of earlier conversations."""
         numbers, deadline = [], self.clock() + HANG
         while not any(True for number in numbers for _ in _answers(self.messages(), number)):
             assert self.clock() < deadline, f"no Info within {HANG:g} s"
             # a board may be starting, or still use the line speed of an earlier client
-            numbers += self.send(Hello(PROTOCOL_MAJOR, PROTOCOL_MINOR))
+            numbers += self.send(msg.Hello(PROTOCOL_MAJOR, PROTOCOL_MINOR))
             next_hello = self.clock() + HELLO_PERIOD
             while self.clock() < next_hello and not any(True for _ in _answers(self.messages(), numbers[-1])):
                 self.listen()
         # a slow device may answer an earlier Hello late, but not after it has answered this command
-        self.answer(AskStatistics())
+        self.answer(msg.AskStatistics())
         info = [info for number in numbers for info in _answers(self.messages(), number)][-1]
-        assert isinstance(info, Info)
+        assert isinstance(info, msg.Info)
         # a device may still send messages to an earlier client before its Info
         last = max(at for at, item in enumerate(self.received) if item.message is info)
         self.received, self.rejected = self.received[last:], []
         return info
 
-    def home(self, listen: float = 0.02, trace: int = 0, again: bool = False) -> Settings:
+    def home(self, listen: float = 0.02, trace: int = 0, again: bool = False) -> msg.Settings:
         """Configure, and home or, if the zero is known, turn to it; return the active settings."""
-        settings = self.ask(Configure(round(listen * 1e6), 2_380, trace, 343_200), Settings)
-        homed = not again and self.heartbeat().homed == Zero.MARK
-        finished = self.act(Turn(0) if homed else Home())[2]
+        settings = self.ask(msg.Configure(round(listen * 1e6), 2_380, trace, 343_200), msg.Settings)
+        homed = not again and self.heartbeat().homed == msg.Zero.MARK
+        finished = self.act(msg.Turn(0) if homed else msg.Home())[2]
         assert finished.outcome == 0, finished.text
         return settings
 
-    def heartbeat(self) -> Heartbeat:
+    def heartbeat(self) -> msg.Heartbeat:
         """Return the next heartbeat."""
-        beats: list[Heartbeat] = []
+        beats: list[msg.Heartbeat] = []
         self.until(
-            lambda new: bool(beats.extend(one for one in new if isinstance(one, Heartbeat)) or beats),
+            lambda new: bool(beats.extend(one for one in new if isinstance(one, msg.Heartbeat)) or beats),
             len(self.received),
         )
         return beats[0]
 
-    def quiet(self, seconds: float) -> list[Message]:
+    def quiet(self, seconds: float) -> list[msg.Message]:
         """Send nothing for so long, and return what is received."""
         since, end = len(self.received), self.clock() + seconds
         while self.clock() < end:
@@ -211,25 +193,25 @@ class Talk:
 
     def stop(self) -> None:
         """Stop the running action."""
-        self.ask(Stop(), Accepted)
+        self.ask(msg.Stop(), msg.Accepted)
 
-    def capabilities(self) -> Capabilities:
+    def capabilities(self) -> msg.Capabilities:
         """Return the capabilities of the scanner."""
-        return self.ask(AskCapabilities(), Capabilities)
+        return self.ask(msg.AskCapabilities(), msg.Capabilities)
 
-    def _answer_to(self, number: int, since: int) -> Message:
+    def _answer_to(self, number: int, since: int) -> msg.Message:
         messages = self.until(lambda messages: any(True for _ in _answers(messages, number)), since, alive=False)
         return next(_answers(messages, number))
 
 
-def readings(messages: list[Message]) -> list[ReadingMessage]:
+def readings(messages: list[msg.Message]) -> list[msg.ReadingMessage]:
     """Return the readings among these messages."""
-    return [message for message in messages if isinstance(message, ReadingMessage)]
+    return [message for message in messages if isinstance(message, msg.ReadingMessage)]
 
 
-def _answers(messages: list[Message], number: int) -> Iterator[Message]:
-    return (message for message in messages if isinstance(message, AnswerMessage) and message.command == number)
+def _answers(messages: list[msg.Message], number: int) -> Iterator[msg.Message]:
+    return (message for message in messages if isinstance(message, msg.AnswerMessage) and message.command == number)
 
 
-def _finished(messages: list[Message], number: int) -> Iterator[Finished]:
-    return (message for message in messages if isinstance(message, Finished) and message.command == number)
+def _finished(messages: list[msg.Message], number: int) -> Iterator[msg.Finished]:
+    return (message for message in messages if isinstance(message, msg.Finished) and message.command == number)

@@ -6,32 +6,19 @@ import random
 import pytest
 
 from sonarhw.link import Link
+from sonarhw.wire import messages as msg
 from sonarhw.wire.frames import Frame, encode_frame
 from sonarhw.wire.limits import PROTOCOL_MAJOR
-from sonarhw.wire.messages import (
-    Accepted,
-    AskStatistics,
-    Heartbeat,
-    Hello,
-    Info,
-    LinkTested,
-    Resend,
-    Settings,
-    StartScan,
-    Statistics,
-    TestLink,
-    TraceChunk,
-)
 from tests.contract.talk import Talk
 
 DEGREE = 1_000_000  # µdeg
-TEN = StartScan(start=10 * DEGREE, step=5 * DEGREE, headings=4, sweeps=2, pings=1)
-HELLO = encode_frame(Frame(Hello.TYPE, 4711, 0, Hello(PROTOCOL_MAJOR, 0).pack()))
+TEN = msg.StartScan(start=10 * DEGREE, step=5 * DEGREE, headings=4, sweeps=2, pings=1)
+HELLO = encode_frame(Frame(msg.Hello.TYPE, 4711, 0, msg.Hello(PROTOCOL_MAJOR, 0).pack()))
 
 
 def test_a_line_test_returns_its_bytes(talk: Talk) -> None:
     for size, data in ((480, bytes(range(64))), (1, b"\0"), (100, b"\xff\x00"), (0, b"x")):
-        assert talk.ask(TestLink(size, data), LinkTested).data == (data * size)[:size]
+        assert talk.ask(msg.TestLink(size, data), msg.LinkTested).data == (data * size)[:size]
 
 
 def test_traces_are_complete_and_belong_to_their_readings(talk: Talk) -> None:
@@ -40,16 +27,16 @@ def test_traces_are_complete_and_belong_to_their_readings(talk: Talk) -> None:
         return
     settings = talk.home(listen=0.03, trace=1)
     messages = talk.act(TEN)[1]
-    traces: dict[int, list[TraceChunk]] = {}
+    traces: dict[int, list[msg.TraceChunk]] = {}
     for message in messages:
-        if isinstance(message, TraceChunk):
+        if isinstance(message, msg.TraceChunk):
             traces.setdefault(message.number, []).append(message)
     assert [*traces] == list(range(8))
     for chunks in traces.values():
         check_trace(chunks, settings)
 
 
-def check_trace(chunks: list[TraceChunk], settings: Settings) -> None:
+def check_trace(chunks: list[msg.TraceChunk], settings: msg.Settings) -> None:
     """Assert that every sample is present once, at the stated rate, and not later than the end of listening."""
     (total,), (period,) = {chunk.total for chunk in chunks}, {chunk.period_ns for chunk in chunks}
     (start,), (size,) = {chunk.start_ns for chunk in chunks}, {chunk.bits // 8 for chunk in chunks}
@@ -64,7 +51,7 @@ def check_trace(chunks: list[TraceChunk], settings: Settings) -> None:
 def test_sequence_numbers_increase_and_timestamps_never_decrease(talk: Talk) -> None:
     talk.home(trace=1)
     talk.act(TEN)
-    talk.ask(Resend(0, 8), Accepted)
+    talk.ask(msg.Resend(0, 8), msg.Accepted)
     frames = [item.frame for item in talk.received]
     assert all((b.sequence - a.sequence) % 0x10000 == 1 for a, b in itertools.pairwise(frames))
     assert all(a.time_us <= b.time_us for a, b in itertools.pairwise(frames))
@@ -84,8 +71,10 @@ def test_noise_is_ignored_and_the_next_command_is_served(talk: Talk) -> None:
     for name, damage in DAMAGE.items():
         since = len(talk.received)
         talk.write(damage)
-        talk.ask(AskStatistics(), Statistics)
-        others = [message for message in talk.messages(since) if not isinstance(message, Heartbeat | Statistics)]
+        talk.ask(msg.AskStatistics(), msg.Statistics)
+        others = [
+            message for message in talk.messages(since) if not isinstance(message, msg.Heartbeat | msg.Statistics)
+        ]
         assert others == [], name
 
 
@@ -93,4 +82,4 @@ def test_a_frame_cut_off_by_a_disconnect_does_not_damage_the_next_greeting(free_
     with Link(free_url) as link:
         link.write(CUT_OFF)
     with Link(free_url) as link:
-        assert isinstance(Talk(link).greet(), Info)
+        assert isinstance(Talk(link).greet(), msg.Info)

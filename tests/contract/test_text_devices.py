@@ -197,9 +197,7 @@ def printed_once(opened: threading.Event, angles: list[int], monkeypatch: pytest
     return pieces()
 
 
-def test_a_device_that_falls_silent_fails_and_keeps_its_readings(
-    opened: threading.Event, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_device_that_falls_silent_fails(opened: threading.Event, monkeypatch: pytest.MonkeyPatch) -> None:
     readings: list[Reading] = []
     pieces = printed_once(opened, [*range(15, 60)], monkeypatch)
     silent = pytest.raises(NoAnswer, match=r"no reading for 0\.5 s")
@@ -209,9 +207,7 @@ def test_a_device_that_falls_silent_fails_and_keeps_its_readings(
     assert [degrees(reading) for reading in readings] == [*range(16, 60)]
 
 
-def test_a_device_that_stops_after_a_whole_sweep_has_given_it(
-    opened: threading.Event, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_device_may_stop_after_a_whole_sweep(opened: threading.Event, monkeypatch: pytest.MonkeyPatch) -> None:
     angles = [*range(15, 166), *range(165, 14, -1)]
     pieces = printed_once(opened, angles, monkeypatch)
     with PrintingDevice(pieces) as device, open_device(device.port) as scanner:

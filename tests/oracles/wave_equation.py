@@ -175,11 +175,7 @@ def _gains(scene: Scene) -> Singles:
 
 @njit(cache=True, fastmath=True)
 def _step_row(
-    old: Singles,
-    rows: tuple[Singles, Singles, Singles],
-    right: tuple[Singles, Singles],
-    upper: Singles,
-    gains: Singles,
+    old: Singles, rows: tuple[Singles, Singles, Singles], right: tuple[Singles, Singles], upper: Singles, gains: Singles
 ) -> None:
     """Replace the pressures of a row from the previous step by those of the next.
 

@@ -89,12 +89,7 @@ REFLECTED = (
     Scene("post before a wall", (_floor(-0.1005),), solids=((0,),), posts=((0.28, 0.1, 0.06),)),
 )
 PLATES = tuple(plate_end(direction) for direction in (30, 60, 100, 110, 120, 135))
-CORNERS = (
-    outer_corner(270, 110),
-    outer_corner(270, 135),
-    outer_corner(240, 120),
-    inner_corner(120, EDGE_AT, 100),
-)
+CORNERS = (outer_corner(270, 110), outer_corner(270, 135), outer_corner(240, 120), inner_corner(120, EDGE_AT, 100))
 DIFFRACTED = (
     *PLATES,
     *CORNERS,

@@ -9,10 +9,7 @@ import pytest
 @pytest.mark.parametrize(
     ("modules", "heavy"),
     [
-        (
-            "sonarhw_sim, sonarhw_sim.air, sonarhw_compare, sonarhw_compare.fit",
-            "numpy numba",
-        ),
+        ("sonarhw_sim, sonarhw_sim.air, sonarhw_compare, sonarhw_compare.fit", "numpy numba"),
         ("sonarhw", "numpy serial lazy_loader sonarhw_sim sonarhw_compare typer"),
         ("sonarhw_compare.fit.quantities", "numpy numba scipy emcee"),
         ("sonarhw_sim.predict.prediction", "numba scipy.special scipy.spatial scipy.optimize matplotlib"),

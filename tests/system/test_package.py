@@ -21,9 +21,7 @@ from tests.system import hostile
 
 
 @pytest.mark.timeout(1800)  # with --soak it downloads and installs every dependency
-def test_wheel_runs_the_demo_from_another_folder(
-    tmp_path: Path, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_wheel_runs_the_demo(tmp_path: Path, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     wheel, clean = built_wheel(tmp_path), tmp_path / "clean"
     soak = request.config.getoption("--soak")
     python = install_with_dependencies(wheel, clean) if soak else install(wheel, clean)

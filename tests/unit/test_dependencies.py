@@ -89,9 +89,7 @@ def page_of(released: str) -> str:
         ("2024-01-01", "# it is finished\n", ["old-one"]),
     ],
 )
-def test_a_dependency_without_a_release_in_three_years_needs_a_reason(
-    released: str, reason: str, found: list[str]
-) -> None:
+def test_an_old_dependency_needs_a_reason(released: str, reason: str, found: list[str]) -> None:
     project = f"""
     build-system.requires = []
     [project]

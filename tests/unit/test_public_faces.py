@@ -30,9 +30,7 @@ def test_a_public_name_resolves_and_is_documented_and_typed(package: str, name: 
         assert all(one.annotation is not one.empty for one in signature.parameters.values())
 
 
-def test_every_public_name_is_in_the_docstring_and_in_the_help_without_the_extra_study(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_every_public_name_is_in_the_docstring_and_the_help(monkeypatch: pytest.MonkeyPatch) -> None:
     assert all(f"`{name}`" in sonarhw.__doc__ for name in sonarhw.__all__)
     assert sonarhw.PluginScanner is sonarhw.Scanner  # deprecated
     assert not hasattr(sonarhw, "Sonar")

@@ -17,19 +17,9 @@ from mcap.opcode import Opcode
 
 from sonarhw.log import LogWriter, reader, writer
 from sonarhw.log.writer import write_scan
+from sonarhw.wire import messages as msg
 from sonarhw.wire.frames import Frame, encode_frame
 from sonarhw.wire.limits import MAX_PAYLOAD
-from sonarhw.wire.messages import (
-    FROM_DEVICE,
-    FROM_HOST,
-    Counted,
-    Finished,
-    Message,
-    ReadingMessage,
-    Scalar,
-    Settings,
-    Started,
-)
 from tests.fixtures.example_logs import METADATA, example_reading
 from tests.soak.fuzz.boundaries import NAMES, NUMBERS
 from tests.soak.fuzz.damage import damaged_bytes
@@ -138,12 +128,18 @@ def _with_checksums(data: bytes) -> bytes:
 
 def _other_frames(chance: Random, path: Path, room: str, board: str) -> bytes:
     metadata = replace(METADATA, room_text=room, board_text=board, board="paper")
-    usual: tuple[type[Message], ...] = (Settings, Started, ReadingMessage, ReadingMessage, Finished)
+    usual: tuple[type[msg.Message], ...] = (
+        msg.Settings,
+        msg.Started,
+        msg.ReadingMessage,
+        msg.ReadingMessage,
+        msg.Finished,
+    )
     with path.open("wb") as file, LogWriter(file, metadata) as log:
         for number in range(chance.randrange(1, 25)):
             kind = usual[number] if number < len(usual) and chance.random() < 0.8 else None
             sent = chance.random() < 0.2
-            kind = kind or chance.choice(FROM_HOST if sent else FROM_DEVICE)
+            kind = kind or chance.choice(msg.FROM_HOST if sent else msg.FROM_DEVICE)
             message = _any_message(chance, kind, number)
             time_us = chance.choice((number * 100_000, 0, 2**63, 2**64 - 1))
             frame = encode_frame(Frame(message.TYPE, chance.choice((0, 1, 2)), time_us, message.pack()[:MAX_PAYLOAD]))
@@ -160,7 +156,7 @@ def _take(log: LogWriter, received: bool, time: float, wire: bytes) -> list[Any]
     return log.take(RecordedFrame(time, received, wire))
 
 
-def _any_message(chance: Random, kind: type[Message], number: int) -> Message:
+def _any_message(chance: Random, kind: type[msg.Message], number: int) -> msg.Message:
     plain = {"command": 2, "readings": 12, "number": number, "listen_us": 60_000, "speed_of_sound": 343_000}
     values = {}
     for item in fields(kind):
@@ -173,17 +169,17 @@ def _any_message(chance: Random, kind: type[Message], number: int) -> Message:
 
 def _any_field(chance: Random, metadata: Any) -> Any:
     match metadata["wire"]:
-        case Scalar(code=code):
+        case msg.Scalar(code=code):
             size = struct.calcsize("<" + code)
             low, high = (-(256**size) // 2, 256**size // 2 - 1) if code.islower() else (0, 256**size - 1)
             return chance.choice((low, high, 0, 1, high // 2, chance.randrange(low, high + 1)))
-        case Counted(name="text"):
+        case msg.Counted(name="text"):
             return chance.choice(NAMES).encode("ascii", "replace").decode()[:255]
-        case Counted(name="u32[]"):
+        case msg.Counted(name="u32[]"):
             return tuple(
                 chance.choice((0, 1, 2**31, 2**32 - 1, 11_000_000)) for _ in range(chance.choice((0, 1, 3, 122)))
             )
-        case Counted(name="u8[]"):
+        case msg.Counted(name="u8[]"):
             return chance.randbytes(chance.choice((0, 1, 255, 256)))
     raise AssertionError(metadata)
 

@@ -19,9 +19,7 @@ def without_display(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("without_display")
-def test_demo_without_a_display_writes_its_files_which_headless_overwrites_only_with_force(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_demo_without_a_display_writes_its_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "demo-result").mkdir()
     (tmp_path / "demo-result" / "summary.json").write_text("mine")
     (tmp_path / "demo-result-2").write_text("mine too")

@@ -222,9 +222,7 @@ def with_plugin(tmp_path: Path) -> dict[str, str]:
 @pytest.mark.parametrize(
     ("command", "call"), [(name, call) for name, calls in CALLED.items() for call in calls.split()]
 )
-def test_ctrl_c_ends_a_command_whose_plugin_blocks(
-    command: str, call: str, tmp_path: Path, with_plugin: dict[str, str]
-) -> None:
+def test_ctrl_c_ends_a_blocked_plugin(command: str, call: str, tmp_path: Path, with_plugin: dict[str, str]) -> None:
     code = HANDLED + "from sonarhw_cli.entry import main; main()"
     options = {
         "scan": ["--out", "scan.mcap", "--sweeps", "1000" if call in KEPT else "2"],
@@ -261,9 +259,7 @@ ENDS = {
 
 
 @pytest.mark.parametrize(("code", "status"), ENDS.values(), ids=ENDS.keys())
-def test_what_a_library_does_or_leaves_neither_crashes_nor_holds_a_command(
-    code: str, status: int, tmp_path: Path
-) -> None:
+def test_what_a_library_does_or_leaves_holds_no_command(code: str, status: int, tmp_path: Path) -> None:
     with begun(ANY, code, folder=tmp_path) as process:
         assert process.communicate(timeout=HANG) == ("", "")
     assert process.returncode == status

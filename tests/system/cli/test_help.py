@@ -20,9 +20,7 @@ def test_h_is_the_help_of_every_command(capsys: pytest.CaptureFixture[str]) -> N
         assert short.startswith("Usage: ")
 
 
-def test_commands_stand_under_headings_of_at_most_eight_and_sonarhw_alone_shows_first_steps(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_commands_stand_under_headings_of_at_most_eight(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["--help"]) == 0
     listed = capsys.readouterr().out.partition("\nScan:\n")[2]
     commands = typer.main.get_command(app).commands  # type: ignore[attr-defined]

@@ -57,9 +57,7 @@ def full_disk() -> Iterator[None]:
     ],
     ids=" ".join,
 )
-def test_a_full_disk_leaves_no_incomplete_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: tuple[str, ...]
-) -> None:
+def test_a_full_disk_leaves_no_part(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: tuple[str, ...]) -> None:
     monkeypatch.chdir(tmp_path)
     write_example(Path("example.mcap"), 40)
     Path("own.csv").write_text("deg,m\n0,1\n5,1\n")
@@ -198,9 +196,7 @@ def assert_harmless(text: str) -> None:
     ],
     ids=lambda arguments: repr(arguments)[:50],
 )
-def test_hostile_arguments_are_printed_harmlessly(
-    capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...]
-) -> None:
+def test_hostile_arguments(capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...]) -> None:
     assert "sonarhw: " in harmless(capsys, *arguments, status=2)
 
 
@@ -342,9 +338,7 @@ def seen(person: int, until: str = "") -> str:
     return came.decode()
 
 
-def test_progress_is_shown_on_a_terminal_and_output_equals_that_to_a_pipe(
-    log: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_progress_is_shown_on_a_terminal_only(log: str, capsys: pytest.CaptureFixture[str]) -> None:
     doing, (command, *options) = COMMANDS["compare"]
     with at_terminal(command, log, *options) as (process, person):
         on_terminal = seen(person)
@@ -379,9 +373,7 @@ def fake_terminal(monkeypatch: pytest.MonkeyPatch) -> StringIO:
     return terminal
 
 
-def test_the_first_command_says_that_it_compiles_and_the_second_does_not(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_only_the_first_command_says_that_it_compiles(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     command = ["simulate", "rooms/simple.toml", "--place", "figure9", "--model", "cone", "--step", "90"]
     on_terminal = []

@@ -91,9 +91,7 @@ MOUNTED = replace(BOARD, mount=Mount(ahead=0.023, aside=-0.01))
         ("speed", WARM, BOARD, {"speed": (WARM.air.speed_of_sound, 0.2)}),
     ],
 )
-def test_a_fit_finds_the_value_with_which_a_scan_was_made(
-    free: str, room: Room, board: Board, truth: dict[str, tuple[float, float]]
-) -> None:
+def test_a_fit_finds_the_value(free: str, room: Room, board: Board, truth: dict[str, tuple[float, float]]) -> None:
     scan = synthetic_scan(room, TRUTH, board, 4, readings=60)
     if room is WARM:
         scan = [replace(one, speed_of_sound=325.0) for one in scan]  # the reported ranges are 7 % too short
@@ -154,9 +152,7 @@ def test_a_prior_of_a_heading_may_differ_by_a_whole_turn(readings: list[Reading]
 
 
 @pytest.mark.parametrize("stated", [(0.6, 0.35), (0.33, 0.39)])
-def test_in_a_symmetric_room_both_solutions_are_reported_that_at_the_stated_place_first(
-    stated: tuple[float, float],
-) -> None:
+def test_in_a_symmetric_room_both_solutions_are_reported(stated: tuple[float, float]) -> None:
     """Rotated by 180° about the middle of 0.928 by 0.742 m."""
     room, place = load_room("simple"), Place("", (0.6, 0.35), 0.7)
     board = board_of(room)
@@ -170,9 +166,7 @@ def test_in_a_symmetric_room_both_solutions_are_reported_that_at_the_stated_plac
     assert ("the first is that at the stated place" in result.warnings[0].text) == (result.modes[0].score < 0)
 
 
-def test_a_refinement_that_leaves_an_echo_without_a_path_keeps_its_start(
-    monkeypatch: pytest.MonkeyPatch, readings: list[Reading]
-) -> None:
+def test_a_worse_refinement_keeps_its_start(monkeypatch: pytest.MonkeyPatch, readings: list[Reading]) -> None:
     def lost(problem: Problem, values: FloatArray, *_: object) -> Peak:
         return Peak(-math.inf, np.full_like(values, math.nan), problem.near(values))
 

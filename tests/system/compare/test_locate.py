@@ -53,9 +53,7 @@ def located(in_rectangle: list[Reading]) -> Located:
     return locate_scan(in_rectangle, RECTANGLE, BOARD, rightly=True)
 
 
-def test_a_rectangle_has_two_equally_probable_poses_and_repeated_readings_add_no_evidence(
-    in_rectangle: list[Reading], located: Located
-) -> None:
+def test_a_rectangle_has_two_equally_probable_poses(in_rectangle: list[Reading], located: Located) -> None:
     one, other = located.poses[:2]
     assert one.probability + other.probability > 0.99
     assert one.probability == pytest.approx(0.5, abs=0.1)
@@ -68,9 +66,7 @@ def test_a_rectangle_has_two_equally_probable_poses_and_repeated_readings_add_no
 
 
 @pytest.mark.parametrize("spread", [PoseSpread(heading=math.pi / 2, xy=math.inf), PoseSpread(0.3808, math.inf)])
-def test_a_rough_heading_or_position_decides_between_two_poses_by_its_own_likelihood(
-    in_rectangle: list[Reading], spread: PoseSpread
-) -> None:
+def test_a_rough_heading_or_position_decides_between_two_poses(in_rectangle: list[Reading], spread: PoseSpread) -> None:
     # the other pose is half a turn and 0.7616 m away: two deviations
     expected = Place("", (0.5, 0.4), 0.3 - math.tau)
     best = locate_scan(in_rectangle, RECTANGLE, BOARD, expected=expected, spread=spread, rightly=True).poses[0]
@@ -113,9 +109,7 @@ def test_real_scans_are_located_in_a_nearly_symmetric_arena(count: Count) -> Non
     assert right >= len(scans) - count(0, 1)
 
 
-def test_the_command_writes_poses_as_json_and_a_picture_and_names_the_command_that_compares(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_writes_poses_and_names_compare(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     # the turntable's zero of this sensor is at −10.2°
     log, picture = tmp_path / "scan of today.mcap", tmp_path / "located.png"
     scan = ["simulate", "arena", "--place", "0.47,1.13,70", "--board", "examples/lego_nxt_m.toml", "--step", "6"]
@@ -135,9 +129,7 @@ def test_the_command_writes_poses_as_json_and_a_picture_and_names_the_command_th
     assert "--force" in capsys.readouterr().err
 
 
-def test_the_named_command_fits_a_range_offset_and_states_the_same_heading(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_named_command_fits_a_range_offset(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     board, log = tmp_path / "late.toml", tmp_path / "scan.mcap"
     board.write_text("range_offset = 0.02\n" + load_board("lego-nxt").text)
     scan = ["simulate", "arena", "--place", "1.2,0.6,265", "--board", str(board), "--step", "6"]

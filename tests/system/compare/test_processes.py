@@ -127,8 +127,6 @@ def test_a_cancelled_search_ends_its_processes(two_cores: list[Processes], monke
         (time.sleep, HANG, 0.0, "takes more than 0 s"),
     ],
 )
-def test_foreign_code_that_crashes_hangs_or_needs_all_memory_ends(
-    function: Callable[..., object], argument: int, within: float, message: str
-) -> None:
+def test_foreign_code_ends(function: Callable[..., object], argument: int, within: float, message: str) -> None:
     with pytest.raises(Unfinished, match=message):
         call_apart(function, argument, within=within)

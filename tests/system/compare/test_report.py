@@ -162,9 +162,7 @@ def test_names_from_files_are_escaped(report: Report, log: Path) -> None:
     assert "&lt;script&gt;alert(1)&lt;/script&gt;, at 0.754, 0.085 m, step 0 at " in page
 
 
-def test_the_command_reports_the_figures_of_compare_and_overwrites_only_with_force(
-    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_report_has_the_figures_of_compare(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "scan.html"
     assert run(["report", str(log), "--place", "0.754,0.085", "--out", str(out)]) == 0
     assert run(["compare", str(log), "--place", "0.754,0.085", "--json"]) == 0

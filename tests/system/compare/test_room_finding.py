@@ -62,9 +62,7 @@ def logs(folder: Path, names: str = "abcd") -> list[str]:
     return [str(folder / f"{name}.mcap") for name in names]
 
 
-def test_the_room_is_found_and_predicts_another_scan(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_room_predicts_another_scan(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     room_file, picture, report = (tmp_path / f"found.{suffix}" for suffix in ("toml", "svg", "html"))
     files = [word for file in (room_file, picture, report) for word in ("--out", str(file))]
     assert run(["map", *logs(folder), *files]) == 0
@@ -99,9 +97,7 @@ def test_the_room_is_found_and_predicts_another_scan(
     assert np.nanmean(np.abs(ranges[0] - ranges[1]) < 0.05) > 0.85
 
 
-def test_places_that_are_roughly_known_and_unknown_are_found_with_the_room(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_unknown_places_are_found(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     x, y = np.add(PLACES["b"], OFF)
     poses, room_file = tmp_path / "poses.csv", tmp_path / "found.toml"
     header = "log,x_m,y_m,heading_deg,sd_xy_m,sd_heading_deg"
@@ -119,9 +115,7 @@ def test_places_that_are_roughly_known_and_unknown_are_found_with_the_room(
     assert figures["poses"][given[2]][0]["probability"] > 0.9
 
 
-def test_written_positions_without_headings_determine_the_room_its_direction_and_where_to_scan_next(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_written_positions_determine_a_room(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     poses, room_file = tmp_path / "poses.csv", tmp_path / "found.toml"
     rows = [f"{name}.mcap,{x},{y},,0.03," for name, (x, y) in PLACES.items()]
     poses.write_text("\n".join(["log,x_m,y_m,heading_deg,sd_xy_m,sd_heading_deg", *rows]))
@@ -132,9 +126,7 @@ def test_written_positions_without_headings_determine_the_room_its_direction_and
     assert "scan next at " in capsys.readouterr().out
 
 
-def test_what_is_not_a_room_is_written_only_if_wanted(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_no_room_is_written_unless_wanted(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     given, file = [str(tmp_path / f"{name}.mcap") for name in "ac"], tmp_path / "found.toml"
     for name, log in zip("ac", given, strict=True):
         command = ["simulate", str(folder / "true.toml"), "--place", name, "--step", "15", "--board", "hc-sr04"]
@@ -152,9 +144,7 @@ def test_what_is_not_a_room_is_written_only_if_wanted(
     assert "not a room: " in capsys.readouterr().out
 
 
-def test_a_sensor_that_hears_less_than_its_profile_states_is_found_with_the_room(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_deaf_sensor_is_found(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     board = load_board("hc-sr04")
     stated = f"threshold_db = {board.threshold_db}"
     assert stated in board.text

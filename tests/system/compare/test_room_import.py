@@ -211,18 +211,12 @@ _HUGE_BOX = (
         ),
         (lambda folder: _text(folder, "image: none.pgm\nresolution: 0.05\n"), {}, "none.pgm: no such file"),
         (lambda folder: _text(folder, "<robot name='r'/>"), {}, "is XML with the element <robot>"),
-        (
-            lambda folder: _text(folder, _HUGE_BOX),
-            {},
-            "<size>: expected 3 numbers up to 1e9, got '1e308 1 1'",
-        ),
+        (lambda folder: _text(folder, _HUGE_BOX), {}, "<size>: expected 3 numbers up to 1e9, got '1e308 1 1'"),
         (lambda folder: _text(folder, "1,2\n3,4\n"), {}, "is not recognised; expected a map of ROS"),
         (lambda folder: _text(folder, "AC1032"), {}, "is a DWG drawing; save it as DXF"),
     ],
 )
-def test_what_is_undecided_or_unknown_is_refused_with_the_question(
-    write: Writer, options: dict[str, Any], expected: str, tmp_path: Path
-) -> None:
+def test_the_undecided_is_a_question(write: Writer, options: dict[str, Any], expected: str, tmp_path: Path) -> None:
     with pytest.raises(InputError) as refused:
         sonarhw.import_room(write(tmp_path), **options)
     assert expected in str(refused.value)

@@ -158,11 +158,7 @@ def test_pages_contain_no_block_in_another_form() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "reason"),
-    [
-        ("$ sonarhw simulate nowhere\n", "unknown room"),
-        ("$ echo right\nwrong\n", "right"),
-    ],
+    ("text", "reason"), [("$ sonarhw simulate nowhere\n", "unknown room"), ("$ echo right\nwrong\n", "right")]
 )
 def test_a_command_that_fails_or_prints_something_else_is_found(text: str, reason: str, reader: Reader) -> None:
     with pytest.raises(AssertionError, match=reason):

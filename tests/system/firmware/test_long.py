@@ -19,9 +19,7 @@ from tests.system.firmware.emulated.test_emulated_echoes import TWO_TICKS
 
 
 @pytest.mark.parametrize(("combination", "traces", "free"), [(MEGA, True, FREE_STACK), (UNO, False, FREE_STACK_UNO)])
-def test_repeated_scans_stay_correct_and_memory_suffices(
-    count: Count, combination: str, traces: bool, free: int
-) -> None:
+def test_repeated_scans_stay_correct(count: Count, combination: str, traces: bool, free: int) -> None:
     times = (0.0151, 0.0337, 0.0604)
     with scanner_on(Echoes(*times), combination=combination) as (_, scanner):
         scanner.configure(trace=traces)

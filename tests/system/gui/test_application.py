@@ -68,9 +68,7 @@ def starts(monkeypatch: pytest.MonkeyPatch) -> list[tuple[WindowStart, str]]:
     return starts
 
 
-def test_a_room_a_scan_and_a_fake_scanner_are_shown_at_their_place(
-    starts: list[tuple[WindowStart, str]], tmp_path: Path
-) -> None:
+def test_scan_and_fake_are_shown_at_their_place(starts: list[tuple[WindowStart, str]], tmp_path: Path) -> None:
     csv, log = tmp_path / "turret.CSV", tmp_path / "turret.mcap"
     csv.write_text(CSV)
     columns = ["--heading", "turret_deg", "--range", "range_cm", "--scale", "0.01"]

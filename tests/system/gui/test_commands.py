@@ -92,9 +92,7 @@ def test_tab_visits_the_plan_first_and_a_row_of_buttons_once(window: MainWindow)
     assert window.session.shown.chosen is chosen
 
 
-def test_the_palette_runs_commands_undo_steps_are_listed_and_the_large_view_is_copied_and_printed(
-    open_with: OpenWith, tmp_path: Path
-) -> None:
+def test_the_palette_runs_commands_and_the_large_view_is_printed(open_with: OpenWith, tmp_path: Path) -> None:
     window = open_with()
     views, session = window.views, window.session
     until(lambda: predicted(window))
@@ -201,9 +199,7 @@ def test_f1_explains_every_key_and_class_in_the_words_of_the_docs_and_esc_closes
 # the first steps
 
 
-def test_the_hint_of_the_first_start_says_what_is_seen_until_a_reading_is_clicked(
-    open_with: OpenWith, recorded: Path, tmp_path: Path, scene: Scene
-) -> None:
+def test_the_hint_of_the_first_start(open_with: OpenWith, recorded: Path, tmp_path: Path, scene: Scene) -> None:
     memory = tmp_path / "window.ini"
     open_with(memory=memory).close()  # closed before its scan: the next start shows the hint again
     window = open_with(source=read_log(recorded), memory=memory)
@@ -239,9 +235,7 @@ def test_the_hint_of_the_first_start_says_what_is_seen_until_a_reading_is_clicke
     assert "Click a mark" in hint.labels[2].text()
 
 
-def test_title_legend_table_tooltip_and_hint_name_the_origin_of_the_readings(
-    open_with: OpenWith, recorded: Path, tmp_path: Path
-) -> None:
+def test_every_view_names_the_origin_of_readings(open_with: OpenWith, recorded: Path, tmp_path: Path) -> None:
     def legend(window: MainWindow) -> set[str]:
         entries = window.legend.entries.values()
         return {entry.text().lstrip("0123456789 ") for entry in entries if entry not in window.legend.unused}
@@ -271,9 +265,7 @@ def test_title_legend_table_tooltip_and_hint_name_the_origin_of_the_readings(
 # the start
 
 
-def test_a_window_is_painted_before_it_predicts_and_a_closed_one_begins_nothing(
-    qapp: object, scene: Scene, tmp_path: Path
-) -> None:
+def test_a_window_is_painted_before_it_predicts(qapp: object, scene: Scene, tmp_path: Path) -> None:
     """So that kernels do not delay the first paint. A window on another desktop is never painted."""
     for unpainted in (False, True):
         window = open_window(WindowStart(scene, recordings=tmp_path))
@@ -298,9 +290,7 @@ def test_height_and_receiver_of_the_options_are_those_of_the_prediction(monkeypa
     assert (scene.place.height, scene.options.receiver_of(scene.board)) == (0.9, Receiver.BOARD)
 
 
-def test_a_demo_scan_waits_for_its_prediction(
-    open_with: OpenWith, fake: OpenFake, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_demo_scan_waits(open_with: OpenWith, fake: OpenFake, monkeypatch: pytest.MonkeyPatch) -> None:
     """Hold the prediction back: no scan; let it go: the scan begins, over its outline."""
     gate, find_paths = threading.Event(), forecast.find_paths
     monkeypatch.setattr(forecast, "find_paths", lambda *args: gate.wait() and find_paths(*args))

@@ -59,9 +59,7 @@ def rows(window: MainWindow) -> list[list[str]]:
     return [[table.item(row, column).text() for column in range(3)] for row in range(table.rowCount())]
 
 
-def test_ports_are_listed_and_queried_without_blocking_the_window_and_a_typed_url_is_connected(
-    open_with: OpenWith, fake: OpenFake
-) -> None:
+def test_ports_are_queried_without_blocking_the_window(open_with: OpenWith, fake: OpenFake) -> None:
     gate, opener = threading.Event(), fake("max")
     window = open_with(find_scanner=lambda url: ScannerTarget(url, opener))
     session = window.session
@@ -89,9 +87,7 @@ def test_ports_are_listed_and_queried_without_blocking_the_window_and_a_typed_ur
     until(lambda: ended(window) and len(session.shown.readings) == ORDER.readings)
 
 
-def test_errors_of_connecting_come_before_warnings_and_end_when_a_scanner_is_connected(
-    open_session: OpenSession, fake: OpenFake
-) -> None:
+def test_errors_of_connecting_end_with_a_connection(open_session: OpenSession, fake: OpenFake) -> None:
     openers = {"silent": lambda: Scanner.open("socket://127.0.0.1:9"), "fake": fake("max")}
 
     def find(url: str) -> ScannerTarget:
@@ -131,9 +127,7 @@ def test_another_scanner_is_rejected_during_a_scan(open_session: OpenSession, fa
 # fake scanners
 
 
-def test_a_fake_scanner_provides_its_room_and_a_room_opened_later_is_named(
-    open_session: OpenSession, fake: OpenFake, scene: Scene, recorded: Path
-) -> None:
+def test_a_fake_provides_its_room(open_session: OpenSession, fake: OpenFake, scene: Scene, recorded: Path) -> None:
     target = ScannerTarget("fake:simple?place=figure9", fake("max"), scene)
     session = open_session(scene=Scene(None, None, scene.board), find_scanner=lambda url: target)
     session.open_file(str(recorded))
@@ -294,9 +288,7 @@ def url(echoes: RoomEchoes) -> Iterator[str]:
         yield endpoint.url
 
 
-def test_the_first_scan_is_compared_and_recorded_with_the_board_of_the_scanner(
-    open_session: OpenSession, scanners: _Scanners, url: str, scene: Scene
-) -> None:
+def test_the_first_scan_has_its_board(open_session: OpenSession, scanners: _Scanners, url: str, scene: Scene) -> None:
     polaroid = replace(scene, board=load_board("polaroid-6500"))
     session = open_session(scanners.find(url), scene=polaroid)
     session.takes_board = True  # as `sonarhw gui URL` without --board
@@ -305,9 +297,7 @@ def test_the_first_scan_is_compared_and_recorded_with_the_board_of_the_scanner(
     assert f"board {STATED}" in session.notices.shown.text
 
 
-def test_a_board_that_the_user_has_chosen_is_kept(
-    open_session: OpenSession, scanners: _Scanners, url: str, scene: Scene
-) -> None:
+def test_a_chosen_board_is_kept(open_session: OpenSession, scanners: _Scanners, url: str, scene: Scene) -> None:
     polaroid = replace(scene, board=load_board("polaroid-6500"))
     session = open_session(scene=polaroid, find_scanner=scanners.find)
     session.scanners.choose(url)
@@ -326,9 +316,7 @@ def test_a_board_that_the_user_has_chosen_is_kept(
 # devices that print text
 
 
-def test_listening_proposes_the_url_of_a_printing_device_and_its_scan_is_shown_over_the_room(
-    open_with: OpenWith, scanners: _Scanners
-) -> None:
+def test_listening_proposes_the_url_of_a_printing_device(open_with: OpenWith, scanners: _Scanners) -> None:
     with PrintingDevice(RADAR.rounds()) as device:
         window = open_with(find_scanner=scanners.find)
         session, panel = window.session, window.device

@@ -146,9 +146,7 @@ def test_a_room_of_another_program_is_imported(open_session: OpenSession, tmp_pa
     assert session.shown.scene.pose.position == (1.6, 1.2)  # the middle: the drawing has no place
 
 
-def test_readings_are_compared_from_their_place_when_their_room_is_opened_again(
-    open_session: OpenSession, recorded: Path, tmp_path: Path
-) -> None:
+def test_readings_return_to_their_place(open_session: OpenSession, recorded: Path, tmp_path: Path) -> None:
     without, log = tmp_path / "without.toml", read_log(recorded)
     without.write_text(ROOM.read_text()[: ROOM.read_text().index("[places.figure9]")])
     session = open_session()
@@ -244,9 +242,7 @@ def test_a_scan_of_another_program_needs_only_enter(open_with: OpenWith, tmp_pat
     until(lambda: len(window.session.shown.readings) == 18)
 
 
-def test_the_warning_of_an_unknown_place_ends_when_the_sensor_is_placed(
-    open_session: OpenSession, scene: Scene, recorded: Path
-) -> None:
+def test_an_unknown_place_warns_until_it_is_set(open_session: OpenSession, scene: Scene, recorded: Path) -> None:
     room, log = load_room("laboratory"), read_log(recorded)
     session = open_session(scene=replace(scene, room=room, place=first_place(room)))
     session.show_log(replace(log, metadata=replace(log.metadata, place="")), "scan.mcap")
@@ -356,9 +352,7 @@ def written_log(folder: Path, ranges: list[float]) -> Path:
 # recordings
 
 
-def test_recordings_are_listed_newest_first_filtered_and_opened(
-    open_with: OpenWith, jobs: Jobs, recorded: Path, tmp_path: Path
-) -> None:
+def test_recordings_are_listed_and_opened(open_with: OpenWith, jobs: Jobs, recorded: Path, tmp_path: Path) -> None:
     folder, log = tmp_path / "recordings", read_log(recorded)
     empty = RecordingsDialog(folder, jobs, None)
     assert "no recordings yet" in empty.summary.text()
@@ -418,9 +412,7 @@ def open_own(session: WindowSession, path: Path) -> None:
     until(lambda: session.shown.scene.room_file == path.name)
 
 
-def test_a_changed_room_or_board_is_reloaded_on_request_at_the_same_place_and_fits(
-    open_with: OpenWith, tmp_path: Path
-) -> None:
+def test_a_changed_room_or_board_is_reloaded_on_request(open_with: OpenWith, tmp_path: Path) -> None:
     window, path, board = open_with(), tmp_path / "own.toml", tmp_path / "mine.toml"
     session = window.session
     open_own(session, path)
@@ -458,9 +450,7 @@ def edited(open_session: OpenSession, tmp_path: Path) -> tuple[WindowSession, Pa
         ('name = "Simple room"', "name = 3", "it is not a valid room: own.toml: name"),
     ],
 )
-def test_a_room_file_that_was_changed_outside_is_never_overwritten_without_a_question(
-    edited: tuple[WindowSession, Path], old: str, new: str, said: str
-) -> None:
+def test_a_changed_room_file_is_kept(edited: tuple[WindowSession, Path], old: str, new: str, said: str) -> None:
     session, path = edited
     theirs, notices = ROOM.read_text().replace(old, new), session.notices
     path.write_text(theirs)
@@ -479,9 +469,7 @@ def test_a_room_file_that_was_changed_outside_is_never_overwritten_without_a_que
     assert path.read_text() == session.shown.scene.written_room.text
 
 
-def test_instead_of_overwriting_a_changed_room_file_it_is_reloaded_and_the_edits_can_be_restored(
-    edited: tuple[WindowSession, Path],
-) -> None:
+def test_a_changed_room_file_is_reloaded_and_edits_are_restored(edited: tuple[WindowSession, Path]) -> None:
     session, path = edited
     mine = session.shown.scene.room.text
     path.write_text(ROOM.read_text().replace("0.742", "1.742"))
@@ -551,9 +539,7 @@ def test_views_and_the_window_are_saved_as_png_pdf_and_svg(window: MainWindow, t
     assert QImage(str(tmp_path / "both.png")).width() == 2 * window.views.side_by_side.width()
 
 
-def test_exported_data_and_notes_equal_those_of_the_command_line_and_the_report_contains_the_scan(
-    window: MainWindow, recorded: Path, tmp_path: Path
-) -> None:
+def test_exported_data_equal_those_of_the_command(window: MainWindow, recorded: Path, tmp_path: Path) -> None:
     log = Path(shutil.copy(recorded, tmp_path / "scan.mcap"))
     window.session.open_file(str(log))
     until(lambda: log_name(window) == "scan.mcap" and predicted(window))
@@ -635,9 +621,7 @@ def test_for_a_live_scan_the_dialog_opens_in_the_last_folder_but_not_in_the_reco
     assert documents.folder(scan) == rooms
 
 
-def test_no_file_is_overwritten_without_permission_or_through_a_link_and_each_needs_a_known_extension(
-    recorded: Path, scene: Scene, tmp_path: Path
-) -> None:
+def test_no_file_is_overwritten_without_permission(recorded: Path, scene: Scene, tmp_path: Path) -> None:
     mine, link, new = tmp_path / "mine.csv", tmp_path / "plan.svg", tmp_path / "new.svg"
     mine.write_text("mine")
     link.symlink_to(mine)
@@ -655,9 +639,7 @@ def test_no_file_is_overwritten_without_permission_or_through_a_link_and_each_ne
     assert kept == {"mine.csv": "mine", "plan.svg": "mine", "new.svg": "new"}
 
 
-def test_a_failed_write_is_reported_and_the_next_files_are_saved(
-    open_session: OpenSession, recorded: Path, scene: Scene, tmp_path: Path
-) -> None:
+def test_a_failed_write_is_reported(open_session: OpenSession, recorded: Path, scene: Scene, tmp_path: Path) -> None:
     session = open_session()
     write = partial(write_data, recorded, scene, (), ".csv")
     for path in ("nowhere/a.csv", "b.csv", "c.csv"):

@@ -236,9 +236,7 @@ def test_the_window_and_the_command_compare_alike_and_the_old_values_stay_until_
     assert forecast.compared is None
 
 
-def test_a_moving_sensor_gets_drafts_and_a_resting_one_the_full_prediction_with_the_receiver_of_the_board(
-    forecast: Forecast, jobs: Jobs, clock: Clock, scene: Scene
-) -> None:
+def test_a_moving_sensor_gets_drafts(forecast: Forecast, jobs: Jobs, clock: Clock, scene: Scene) -> None:
     """A quick draft may use the ideal receiver, which reports millimetres less than that of the board."""
     scene = replace(scene, board=load_board("polaroid-6500"))
     forecast.change_scene(moved(scene, 0.1), moving=True)
@@ -411,9 +409,7 @@ class Ring:
         self.myself = self
 
 
-def test_garbage_is_freed_in_the_thread_of_the_window_and_older_objects_are_not_searched(
-    qapp: object, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_garbage_is_freed_in_the_thread_of_the_window(qapp: object, monkeypatch: pytest.MonkeyPatch) -> None:
     def is_searched(ring: Ring) -> bool:
         return any(known is ring for known in gc.get_objects())
 

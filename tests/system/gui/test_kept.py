@@ -75,9 +75,7 @@ def choose(menu: QMenu, text: str) -> None:
     next(action for action in menu.actions() if action.text() == text).trigger()
 
 
-def test_log_edits_look_views_and_layouts_are_restored(
-    open_with: OpenWith, recorded: Path, tmp_path: Path, shipped: Scene
-) -> None:
+def test_the_session_is_restored(open_with: OpenWith, recorded: Path, tmp_path: Path, shipped: Scene) -> None:
     memory = tmp_path / "memory" / "window.ini"
     window = reopened(open_with, memory, shipped)  # the first start restores nothing
     session = window.session
@@ -125,9 +123,7 @@ def test_log_edits_look_views_and_layouts_are_restored(
     assert not window.layouts.layouts
 
 
-def test_what_cannot_be_restored_is_reported_and_the_rest_is_shown(
-    open_with: OpenWith, recorded: Path, tmp_path: Path, shipped: Scene
-) -> None:
+def test_what_is_not_restored_is_named(open_with: OpenWith, recorded: Path, tmp_path: Path, shipped: Scene) -> None:
     corridor = load_room("corridor")
     elsewhere = Scene(corridor, corridor.place("start"), shipped.board, "corridor.toml")
     memory, nonsense = tmp_path / "window.ini", QByteArray(b"nonsense")
@@ -155,9 +151,7 @@ def test_what_cannot_be_restored_is_reported_and_the_rest_is_shown(
 
 
 @pytest.mark.parametrize("used", [(), ("a, b.mcap",), ("ä.mcap", "@c;d.mcap")])
-def test_written_settings_are_read_back_and_an_empty_file_gives_defaults(
-    tmp_path: Path, shipped: Scene, used: tuple[str, ...]
-) -> None:
+def test_written_settings_are_read_back(tmp_path: Path, shipped: Scene, used: tuple[str, ...]) -> None:
     scan_settings = ScanSettings(tmp_path, ORDER, traces=False, max_range=1.5)
     look = Look(DARK, LengthUnit.FT, 1.5)
     written = SceneMemory.of(shipped), "x.mcap", "socket://x", scan_settings, used, used, look, 2
@@ -169,9 +163,7 @@ def test_written_settings_are_read_back_and_an_empty_file_gives_defaults(
     assert read_memory(file) == Memory()
 
 
-def test_the_start_page_shows_a_picture_of_the_plan_of_each_recent_file(
-    open_with: OpenWith, scene: Scene, recorded: Path, tmp_path: Path
-) -> None:
+def test_the_start_page_has_pictures(open_with: OpenWith, scene: Scene, recorded: Path, tmp_path: Path) -> None:
     memory, nothing = tmp_path / "window.ini", Scene(None, None, scene.board)
     window = open_with(scene=nothing, memory=memory)
     window.session.open_file(str(recorded))
@@ -247,9 +239,7 @@ def question(session: WindowSession) -> str:
 ASKED = "simple.toml has unsaved changes, made in the window on"
 
 
-def test_changes_are_restored_after_another_file_was_opened_or_a_crash(
-    start: Start, other: Path, tmp_path: Path
-) -> None:
+def test_changes_are_restored_after_a_crash(start: Start, other: Path, tmp_path: Path) -> None:
     session = start(ROOM)
     drawn_room = draw(session)
     session.close()
@@ -315,9 +305,7 @@ def offered(folder: Path, scene: Scene) -> list[Scene]:
     return [read_unsaved(path).applied_to(scene) for path in offered_files(notices)]
 
 
-def test_a_moved_sensor_is_restored_and_any_other_stays_at_the_place_that_is_opened(
-    tmp_path: Path, scene: Scene
-) -> None:
+def test_only_a_moved_sensor_is_restored(tmp_path: Path, scene: Scene) -> None:
     elsewhere = replace(scene, place=next(place for place in scene.room.places.values() if place != scene.place))
     warmer, _ = with_air_state(scene, temperature_c=3.0)
     for changed, place in ((warmer, elsewhere.place), (sensor_at(warmer, (0.4, 0.3))[0], None)):
@@ -435,9 +423,7 @@ def stored(log: Path) -> dict[int, str]:
     return notes_of_log(log, read_log(log).readings).texts
 
 
-def test_notes_are_made_edited_deleted_undone_and_found_with_keys_and_mouse(
-    open_with: OpenWith, log: Path, recorded: Path
-) -> None:
+def test_notes_are_edited_with_keys_and_mouse(open_with: OpenWith, log: Path, recorded: Path) -> None:
     before = log.read_bytes()
     window = open_with(source=read_log(log), source_name=log.name, source_file=log)
     session, showing, table = window.session, window.session.showing, window.views.table
@@ -514,9 +500,7 @@ def test_notes_are_made_edited_deleted_undone_and_found_with_keys_and_mouse(
     until(lambda: not window.commands.edit_note.isEnabled() and not window.commands.delete_note.isEnabled())
 
 
-def test_notes_of_a_live_scan_are_kept_beside_its_recording(
-    open_session: OpenSession, fake: OpenFake, recorded: Path
-) -> None:
+def test_notes_of_a_live_scan_are_kept(open_session: OpenSession, fake: OpenFake, recorded: Path) -> None:
     session = open_session(fake("max"))
     session.scan()
     until(lambda: ended(session) and len(session.shown.readings) == ORDER.readings)

@@ -250,9 +250,7 @@ def is_faint(sentence: Sentence) -> bool:
     return darkest > QColor(sentence.palette().color(QPalette.ColorRole.WindowText)).red() + 60
 
 
-def test_values_are_grey_from_an_edit_until_its_prediction(
-    measured: Plan, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
-) -> None:
+def test_old_values_are_grey(measured: Plan, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> None:
     window, table, activity = measured.window, measured.window.views.table.model, measured.window.status_bar.activity
     outdated, ink = "grey values belong to the previous prediction", Qt.ItemDataRole.ForegroundRole
     cell = table.index(0, table.columnCount() - 1)

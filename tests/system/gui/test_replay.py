@@ -58,9 +58,7 @@ def selected(window: MainWindow) -> bool:
     return [index.row() for index in rows.selectedRows()] == [chosen] == [rows.currentIndex().row()]
 
 
-def test_a_log_of_two_scans_is_stepped_scrubbed_played_and_left_with_mouse_and_keys(
-    open_with: OpenWith, two_scans: Log
-) -> None:
+def test_a_log_of_two_scans_is_played(open_with: OpenWith, two_scans: Log) -> None:
     window = open_with(source=two_scans)
     session, bar, commands, replay = window.session, window.replay_bar, window.commands, window.session.replay
     slider, whole = bar.slider, 2 * ORDER.readings
@@ -170,9 +168,7 @@ def test_a_log_of_two_scans_is_stepped_scrubbed_played_and_left_with_mouse_and_k
         assert not action.isEnabled()
 
 
-def test_a_log_opened_in_a_session_provides_its_room_and_its_doubts_are_messages(
-    open_session: OpenSession, recorded: Path, tmp_path: Path, scene: Scene, log: Log
-) -> None:
+def test_a_log_has_its_room(open_session: OpenSession, recorded: Path, tmp_path: Path, scene: Scene, log: Log) -> None:
     session = open_session(scene=Scene(None, None, scene.board))
     session.open_file(str(recorded))
     until(lambda: session.status.replay is not None and predicted(session))
@@ -187,9 +183,7 @@ def test_a_log_opened_in_a_session_provides_its_room_and_its_doubts_are_messages
     until(lambda: session.notices.shown.text.startswith("no.mcap") or "no.mcap: " in session.notices.shown.text)
 
 
-def test_leaving_a_replay_returns_to_the_live_scan_and_its_place_and_a_scan_closes_the_log(
-    open_with: OpenWith, fake: OpenFake, recorded: Path
-) -> None:
+def test_leaving_a_replay_returns_to_the_live_scan(open_with: OpenWith, fake: OpenFake, recorded: Path) -> None:
     window = open_with(source=fake("max"))
     session, place = window.session, window.toolbar.place
     place.textActivated.emit("figure7")
@@ -215,9 +209,7 @@ def test_leaving_a_replay_returns_to_the_live_scan_and_its_place_and_a_scan_clos
     until(lambda: "connected" not in window.status_bar.activity.text())
 
 
-def test_a_lost_drive_is_reported_and_pauses_the_replay(
-    open_session: OpenSession, recorded: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_lost_drive_is_reported(open_session: OpenSession, recorded: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def gone(*_: object) -> bytes:
         raise OSError(errno.EIO, os.strerror(errno.EIO))
 
@@ -320,9 +312,7 @@ def test_a_log_that_is_being_written_is_followed_to_its_end(
     until(lambda: predicted(session) and activity_text(session.status).startswith("replaying growing.mcap"))
 
 
-def test_a_torn_log_that_is_not_written_any_more_is_reported(
-    open_session: OpenSession, growing: tuple[Path, Callable[[float], None]]
-) -> None:
+def test_a_torn_log_is_reported(open_session: OpenSession, growing: tuple[Path, Callable[[float], None]]) -> None:
     path, grow = growing
     os.utime(path, (1.0, 1.0))
     session = open_session()
@@ -353,9 +343,7 @@ def drive(tmp_path: Path) -> tuple[Path, Scene, FloatArray]:
     return tmp_path / "drive.mcap", scene_of_log(metadata, scan.readings), x
 
 
-def test_a_replay_moves_the_sensor_along_the_poses_and_draws_readings_where_they_were_made(
-    open_with: OpenWith, drive: tuple[Path, Scene, FloatArray]
-) -> None:
+def test_a_replay_moves_the_sensor(open_with: OpenWith, drive: tuple[Path, Scene, FloatArray]) -> None:
     path, scene, x = drive
     window = open_with(scene=scene, source=read_log(path))
     session, plan = window.session, window.views.plan.drawing

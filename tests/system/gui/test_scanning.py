@@ -62,9 +62,7 @@ def text(session: WindowSession) -> str:
     return session.notices.shown.text
 
 
-def test_a_scan_is_shown_with_its_prediction_and_its_log_has_readings_place_and_board(
-    open_session: OpenSession, fake: OpenFake, scene: Scene
-) -> None:
+def test_a_scan_is_shown_with_its_prediction(open_session: OpenSession, fake: OpenFake, scene: Scene) -> None:
     session = open_session(fake("max"))
     session.scan_when_predicted()
     path = scanned(session)
@@ -94,9 +92,7 @@ def test_a_scan_is_shown_with_its_prediction_and_its_log_has_readings_place_and_
     assert len(session.shown.readings) == ORDER.readings
 
 
-def test_a_scan_in_the_window_is_live_until_it_is_stopped(
-    open_with: OpenWith, fake: OpenFake, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_scan_is_live_until_its_stop(open_with: OpenWith, fake: OpenFake, monkeypatch: pytest.MonkeyPatch) -> None:
     window = open_with(source=fake(4.0), autostart=True, order=ENDLESS)
     session, bar = window.session, window.status_bar
     until(lambda: len(session.shown.readings) >= 3 and bar.badge.text() == "● live")
@@ -251,9 +247,7 @@ def test_what_goes_wrong_around_a_scan_is_one_message(
     assert "20 of 36 angles, from 0° on, could not be checked for lost steps" in text(reset)
 
 
-def test_a_scan_from_a_moved_place_warns_that_the_scanner_has_not_moved(
-    open_session: OpenSession, fake: OpenFake
-) -> None:
+def test_a_scan_from_a_moved_place_warns(open_session: OpenSession, fake: OpenFake) -> None:
     session = open_session(fake("max"))
     session.scan()
     first = scanned(session)
@@ -267,9 +261,7 @@ def test_a_scan_from_a_moved_place_warns_that_the_scanner_has_not_moved(
 # the panel of the scanner
 
 
-def test_the_panel_connects_turns_homes_scans_a_sector_once_or_until_stop_and_releases_the_port(
-    open_with: OpenWith, board: FakeBoard, during: ExitStack, recorded: Path
-) -> None:
+def test_the_panel_drives_a_scanner(open_with: OpenWith, board: FakeBoard, during: ExitStack, recorded: Path) -> None:
     endpoint = during.enter_context(serve(board, tcp="127.0.0.1:0", pace="max"))
     window = open_with(source=lambda: Scanner.open(endpoint.url, reconnect=AWAY))
     session, panel = window.session, window.device
@@ -331,9 +323,7 @@ def test_the_panel_connects_turns_homes_scans_a_sector_once_or_until_stop_and_re
     assert panel.sweeps.isEnabled()
 
 
-def test_f6_stops_a_turning_turntable_also_in_a_dialog_in_front_of_the_window(
-    open_with: OpenWith, echoes: RoomEchoes, during: ExitStack
-) -> None:
+def test_f6_stops_a_turning_turntable(open_with: OpenWith, echoes: RoomEchoes, during: ExitStack) -> None:
     endpoint = during.enter_context(serve(EndlessHoming(echoes), tcp="127.0.0.1:0", pace=4.0))
     window = open_with(source=lambda: Scanner.open(endpoint.url, reconnect=AWAY))
     dialog = QDialog(window)
@@ -372,9 +362,7 @@ class PulledOnce(RoomEchoes):
         return super().receive(ping)
 
 
-def test_a_cable_pulled_during_a_scan_shows_a_banner_until_it_is_back_and_the_scan_is_complete(
-    open_with: OpenWith, scene: Scene, during: ExitStack
-) -> None:
+def test_a_cable_pulled_during_a_scan(open_with: OpenWith, scene: Scene, during: ExitStack) -> None:
     echoes = PulledOnce(scene.room, scene.place, scene.board, 1, EXACT)
     echoes.prepare()
     board = echoes.board = FakeBoard(echoes, 3, scene.board.blanking)
@@ -394,7 +382,7 @@ def test_a_cable_pulled_during_a_scan_shows_a_banner_until_it_is_back_and_the_sc
     assert len(read_log(session.status.job.recording).readings) == LONG.readings
 
 
-def test_a_cable_pulled_between_scans_is_reported_and_the_badge_follows_scanner_and_room(
+def test_a_cable_pulled_in_between(
     open_session: OpenSession, board: FakeBoard, during: ExitStack, scene: Scene
 ) -> None:
     endpoint = during.enter_context(serve(board, tcp="127.0.0.1:0", pace="max"))
@@ -425,9 +413,7 @@ def test_a_cable_pulled_between_scans_is_reported_and_the_badge_follows_scanner_
         assert badge_text(Status(JobState(Phase.FAILED), chosen=True, readings=readings)) == badge
 
 
-def test_a_scan_that_waits_for_its_scanner_can_be_stopped(
-    open_session: OpenSession, board: FakeBoard, during: ExitStack
-) -> None:
+def test_a_waiting_scan_can_be_stopped(open_session: OpenSession, board: FakeBoard, during: ExitStack) -> None:
     endpoint = during.enter_context(serve(board, tcp="127.0.0.1:0", pace=4.0))
     session = open_session(lambda: Scanner.open(endpoint.url, reconnect=AWAY), order=ENDLESS)
     session.scan()

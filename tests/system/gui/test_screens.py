@@ -114,9 +114,7 @@ def _ancestors(part: QWidget) -> list[QWidget]:
 
 
 @pytest.mark.parametrize("screen", SCREENS)
-def test_nothing_is_cut_or_off_screen_with_any_view_or_panel(
-    window: MainWindow, screen: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_nothing_is_cut_or_off_screen(window: MainWindow, screen: str, monkeypatch: pytest.MonkeyPatch) -> None:
     available, stacks, look = SCREENS[screen]
     window.session.showing.set_look(look)
     size, problems = on_screen(window, available, monkeypatch), []

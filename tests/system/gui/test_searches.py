@@ -59,9 +59,7 @@ def beside(scene: Scene) -> Scene:
     return replace(moved, place=replace(moved.place, heading=math.radians(9)))
 
 
-def test_a_pose_is_found_cancelled_discarded_and_accepted_from_all_solutions(
-    open_with: OpenWith, recorded: Path, scene: Scene, beside: Scene
-) -> None:
+def test_a_pose_is_found_and_accepted(open_with: OpenWith, recorded: Path, scene: Scene, beside: Scene) -> None:
     window = open_with(scene=beside, source=read_log(recorded))
     key(window, "F9")
     panel, session, fitting = window.fit_panel, window.session, window.session.fitting
@@ -151,9 +149,7 @@ def test_a_scan_with_angles_read_the_wrong_way_is_read_again_and_found(open_with
 # causes of misfits
 
 
-def test_a_plate_that_the_room_lacks_is_found_shown_tried_and_undone(
-    open_with: OpenWith, tmp_path_factory: pytest.TempPathFactory
-) -> None:
+def test_a_missing_plate_is_found_and_tried(open_with: OpenWith, tmp_path_factory: pytest.TempPathFactory) -> None:
     folder = write_yard(tmp_path_factory.mktemp("yard")).parent
     room = load_room(folder / "yard.toml")
     scene = scene_with(load_board("polaroid-6500"), room, room.place(None), "yard.toml")
@@ -300,9 +296,7 @@ def drawn_walls(window: MainWindow) -> list[np.ndarray]:
     return [line[:2] for line in lines if len(line) == 3]  # longer ones are posts
 
 
-def test_walls_appear_each_shows_its_readings_and_the_next_place_is_planned(
-    open_with: OpenWith, folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_walls_appear_with_their_readings(open_with: OpenWith, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     window = open_with()
     panel, plan, session = window.finding, window.views.plan.drawing.found_room, window.session
     finding, legend, states = session.finding, window.legend.explained, list[FindState]()

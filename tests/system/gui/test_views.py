@@ -75,9 +75,7 @@ def alone(qtbot: QtBot, view: QWidget, width: int, height: int) -> None:
 # all views
 
 
-def test_every_view_has_a_menu_of_the_window_resets_its_range_and_selects_readings(
-    window: MainWindow, recorded: Path
-) -> None:
+def test_every_view_has_a_menu_and_selects_readings(window: MainWindow, recorded: Path) -> None:
     views, showing = window.views, window.session.showing
     ranges, plan = views.ranges, views.plan.drawing
     assert len(views.all) == 8
@@ -202,9 +200,7 @@ def computed(window: MainWindow) -> bool:
     return bscan is not None and bscan.rows.done == 1 and bscan.settings == window.views.bscan.settings
 
 
-def test_a_bscan_is_computed_while_it_is_visible_and_links_clicks_and_cursors(
-    open_with: OpenWith, recorded: Path
-) -> None:
+def test_a_bscan_is_computed_while_it_is_visible(open_with: OpenWith, recorded: Path) -> None:
     window = open_with()  # a room alone opens on its prediction, until there are readings
     view, session, trace = window.views.bscan, window.session, window.views.trace
 
@@ -342,9 +338,7 @@ def test_a_trace_has_consistent_axes_and_every_mark_at_the_time_of_its_echo(trac
         assert all(("dB, sum of all arrivals within one wavelength" in tip) == sums for tip in tips)
 
 
-def test_keys_switch_between_carrier_and_envelope_and_move_two_cursors_with_readout(
-    trace: TraceView, traced: Shown
-) -> None:
+def test_keys_switch_to_the_carrier_and_move_two_cursors(trace: TraceView, traced: Shown) -> None:
     label = trace.plot.getAxis("left")
     assert "dB" in label.labelText
     key(trace, "R")
@@ -371,9 +365,7 @@ def test_keys_switch_between_carrier_and_envelope_and_move_two_cursors_with_read
     assert trace.cursors.times[1] < second
 
 
-def test_the_trace_follows_and_sends_the_cursor_keeps_its_zoom_and_says_what_is_late(
-    trace: TraceView, traced: Shown
-) -> None:
+def test_the_trace_follows_the_cursor_and_keeps_its_zoom(trace: TraceView, traced: Shown) -> None:
     cursors: list[Cursor | None] = []
     trace.gestures.pointed.connect(cursors.append)
     QTest.mouseMove(trace.canvas.viewport(), pixel_at(trace.canvas, trace.plot.vb, (0.004, -20.0)))
@@ -613,9 +605,7 @@ def test_only_paths_and_sentences_are_cut_off_without_horizontal_scrolling(
 # the sentence
 
 
-def test_a_long_sentence_is_shortened_to_two_lines_and_one_and_complete_in_the_tooltip(
-    qtbot: QtBot, monkeypatch: pytest.MonkeyPatch, scene: Scene
-) -> None:
+def test_a_long_sentence_is_shortened(qtbot: QtBot, monkeypatch: pytest.MonkeyPatch, scene: Scene) -> None:
     walls = ", ".join(["bottom", "top", "left", "right"] * 20)
     whole = f"0.827 m at 270.0°: {walls}; a later echo by {walls}; the near wall lies within blanking"
     monkeypatch.setattr(Shown, "sentence", whole)

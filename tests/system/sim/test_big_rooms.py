@@ -62,9 +62,7 @@ def compiled() -> None:
         ("same", (3_500, 210), (20_000, 500)),
     ],
 )
-def test_memory_of_a_room_with_very_many_walls(
-    walls: str, normal: tuple[int, int], full: tuple[int, int], count: Count
-) -> None:
+def test_memory_of_a_large_room(walls: str, normal: tuple[int, int], full: tuple[int, int], count: Count) -> None:
     number, most = (count(*pair) for pair in zip(normal, full, strict=True))
     done = subprocess.run(
         [sys.executable, "-c", PREDICT, walls, str(number)], capture_output=True, text=True, check=False, timeout=HANG

@@ -69,9 +69,7 @@ def test_a_damaged_cache_heals(cached: tuple[Path, str], tmp_path: Path) -> None
     assert {file: file.stat().st_ino for file in cache.iterdir()} == before
 
 
-def test_with_nothing_writable_but_the_picture_one_line_warns(
-    tmp_path: Path, cached: tuple[Path, str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_nothing_writable_warns_once(tmp_path: Path, cached: tuple[Path, str], monkeypatch: pytest.MonkeyPatch) -> None:
     simulated(cached[0], "--out", str(tmp_path / "cached.png"))
     monkeypatch.delenv("MPLCONFIGDIR", raising=False)
     picture = tmp_path / "compiled.png"

@@ -9,17 +9,8 @@ from sonarhw_sim.air import EdgeStrength
 
 from benchmarks.wave_equation import DISTANCES, show_exact
 from tests.conftest import Count
+from tests.oracles import wave_scenes
 from tests.oracles.wave_equation import CELL, FLAT_WALL, STEP, WAVELENGTH, Scene, arrival_near, direct, echoes
-from tests.oracles.wave_scenes import (
-    CORNERS,
-    DIFFRACTED,
-    PLATES,
-    REFLECTED,
-    differences,
-    strip,
-    strip_on_a_stem,
-    unexplained,
-)
 
 
 def decibels(ratio: float) -> float:
@@ -56,9 +47,9 @@ def test_border_of_the_grid_returns_no_sound() -> None:
     assert np.abs(detected[len(detected) // 2 :]).max() < 1e-4 * np.abs(detected).max()
 
 
-@pytest.mark.parametrize("scene", REFLECTED, ids=lambda scene: scene.name)
+@pytest.mark.parametrize("scene", wave_scenes.REFLECTED, ids=lambda scene: scene.name)
 def test_reflected_arrivals_agree_with_their_paths(scene: Scene) -> None:
-    arrivals = differences(scene)
+    arrivals = wave_scenes.differences(scene)
     assert arrivals
     for arrival in arrivals:
         assert abs(arrival.cycles) < 0.2
@@ -73,15 +64,15 @@ def test_no_case_of_the_benchmark_differs_from_its_exact_wave(count: Count) -> N
 
 
 def test_right_angle_corner_is_one_path_as_strong_as_a_wall() -> None:
-    corner = differences(REFLECTED[2])[-1]
+    corner = wave_scenes.differences(wave_scenes.REFLECTED[2])[-1]
     assert corner.via == "w0>w1"
     assert decibels(corner.found.strength) == pytest.approx(0.0, abs=0.3)
 
 
-@pytest.mark.parametrize("scene", DIFFRACTED, ids=lambda scene: scene.name)
+@pytest.mark.parametrize("scene", wave_scenes.DIFFRACTED, ids=lambda scene: scene.name)
 @pytest.mark.parametrize("strength", [EdgeStrength.UNIFORM, EdgeStrength.KELLER])
 def test_edge_diffraction_agrees_with_the_wave_equation(scene: Scene, strength: EdgeStrength) -> None:
-    arrivals = differences(scene, strength)
+    arrivals = wave_scenes.differences(scene, strength)
     assert any(arrival.diffracted for arrival in arrivals)
     for arrival in arrivals:
         assert abs(arrival.cycles) < 0.2
@@ -91,25 +82,25 @@ def test_edge_diffraction_agrees_with_the_wave_equation(scene: Scene, strength: 
 @pytest.mark.parametrize("width", [0.012, 0.02, 0.04])
 def test_narrow_wall_that_another_one_joins_midway_is_as_loud_as_the_wave(width: float) -> None:
     """Behind it, sound cannot run from one end to the other: a strip of half a wavelength is 1.2 dB fainter."""
-    (arrival,) = differences(strip_on_a_stem(width, width / 4))[:1]
+    (arrival,) = wave_scenes.differences(wave_scenes.strip_on_a_stem(width, width / 4))[:1]
     assert arrival.decibels == pytest.approx(0.0, abs=0.3)
-    alone = differences(strip(width))[0]
+    alone = wave_scenes.differences(wave_scenes.strip(width))[0]
     assert arrival.predicted.strength != pytest.approx(alone.predicted.strength, rel=1e-3)
 
 
-@pytest.mark.parametrize("scene", PLATES, ids=lambda scene: scene.name)
+@pytest.mark.parametrize("scene", wave_scenes.PLATES, ids=lambda scene: scene.name)
 def test_papers_factor_is_right_for_plates_within_the_spread_of_angles(scene: Scene) -> None:
     # -20 to -36 dB where the factor is -33 dB; less beyond 120°
-    (diffracted,) = [arrival for arrival in differences(scene, EdgeStrength.PAPER) if arrival.diffracted]
+    (diffracted,) = [arrival for arrival in wave_scenes.differences(scene, EdgeStrength.PAPER) if arrival.diffracted]
     assert -11 < diffracted.decibels < 13
     assert diffracted.decibels > -3 or "135" in scene.name
 
 
 def test_papers_factor_is_right_for_the_corner_of_a_box() -> None:
-    (diffracted,) = differences(CORNERS[1], EdgeStrength.PAPER)
+    (diffracted,) = wave_scenes.differences(wave_scenes.CORNERS[1], EdgeStrength.PAPER)
     assert diffracted.decibels == pytest.approx(0.7, abs=0.5)
 
 
-@pytest.mark.parametrize("scene", REFLECTED + DIFFRACTED, ids=lambda scene: scene.name)
+@pytest.mark.parametrize("scene", wave_scenes.REFLECTED + wave_scenes.DIFFRACTED, ids=lambda scene: scene.name)
 def test_sound_without_a_path_is_faint(scene: Scene) -> None:
-    assert decibels(unexplained(scene)) < -30
+    assert decibels(wave_scenes.unexplained(scene)) < -30

@@ -225,9 +225,7 @@ def begin_only(scanner: Scanner) -> None:
 
 
 @pytest.mark.parametrize(("use", "room"), [(scan_once, 0), (scan_once, 1), (scan_once, 4), (begin_only, 1)])
-def test_after_a_full_disk_a_scanner_is_free_again(
-    range_box: Scanner, use: Callable[[Scanner], None], room: int
-) -> None:
+def test_a_full_disk_frees_the_scanner(range_box: Scanner, use: Callable[[Scanner], None], room: int) -> None:
     range_box.record(disk := FullDisk(math.inf))
     disk.room = room
     with pytest.raises(OSError, match="No space"):
@@ -396,9 +394,7 @@ def test_a_scan_keeps_its_good_measurements() -> None:
         ("1 if self._count < 200 else __import__('os').abort()", "ended its process during 'read'"),
     ],
 )
-def test_a_plugin_that_fails_during_a_scan_keeps_the_readings_so_far(
-    defect: str, message: str, sonarhw: Command, installed: Path, tmp_path: Path
-) -> None:
+def test_a_failure_keeps_readings(defect: str, message: str, sonarhw: Command, installed: Path, tmp_path: Path) -> None:
     code = (installed / "rangebox.py").read_text()
     (installed / "rangebox.py").write_text(code.replace("self._count += 1", f"self._count += {defect}"))
     log = tmp_path / "scan.mcap"

@@ -74,9 +74,7 @@ def test_dtr_is_low_and_access_is_exclusive_before_the_port_is_opened(spied: Spi
         assert names.index("exclusive") < names.index("open")
 
 
-def test_only_a_port_with_modem_lines_waits_for_a_bootloader(
-    spied: SpiedPort, terminal: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_only_modem_lines_are_waited_for(spied: SpiedPort, terminal: str, monkeypatch: pytest.MonkeyPatch) -> None:
     with Link("/dev/ttyUSB0") as link:
         assert link.quiet == BOOTLOADER
     monkeypatch.undo()
@@ -163,9 +161,7 @@ def close(terminals: list[Ends]) -> None:
         ("hwgrep://sonar-[a-c]", LinkError, "no port matches this pattern"),
     ],
 )
-def test_a_pattern_of_port_names_is_matched_within_a_limit(
-    url: str, error: type[SonarError], message: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_pattern_is_limited(url: str, error: type[SonarError], message: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sonarhw.link.comports", lambda: [ListPortInfo("/dev/" + 40 * "a")])
     with pytest.raises(error, match=message):
         Link(url)
@@ -267,9 +263,7 @@ def test_the_error_states_the_cause_and_what_to_do(
         (["cat (1)", "tio (2)"], r"cat \(1\), tio \(2\) hold the"),
     ],
 )
-def test_the_programs_that_use_a_port_are_named(
-    monkeypatch: pytest.MonkeyPatch, programs: list[str], message: str
-) -> None:
+def test_programs_at_a_port_are_named(monkeypatch: pytest.MonkeyPatch, programs: list[str], message: str) -> None:
     monkeypatch.setattr("sonarhw.link.holders", lambda _: programs)
     with pytest.raises(LinkBusy, match=message):
         opened(monkeypatch, Failing(SerialException(errno.EBUSY, "busy")))

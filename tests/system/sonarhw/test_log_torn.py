@@ -223,9 +223,7 @@ def test_ranges_are_kept_when_the_settings_frames_are_lost(whole: Path, tmp_path
 
 @settings(max_examples=40, deadline=None)
 @given(data=st.data())
-def test_damage_raises_no_other_error_than_not_a_log(
-    whole: Path, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
-) -> None:
+def test_damage_raises_not_a_log(whole: Path, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
     content = bytearray(whole.read_bytes())
     for _ in range(data.draw(st.integers(1, 8))):
         content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))

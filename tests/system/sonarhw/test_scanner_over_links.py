@@ -363,8 +363,6 @@ def test_the_median_error_of_a_scan_is_below_a_millimetre() -> None:
 
 @pytest.mark.parametrize(("thermometer", "assumed"), [(5.0, 5.0), (35.0, 35.0), (None, 20.0)])
 @pytest.mark.parametrize("settings", [{}, {"listen": 0.05}], ids=["not configured", "configured"])
-def test_a_scan_uses_the_thermometer_or_20_degrees(
-    thermometer: float | None, assumed: float, settings: dict[str, float]
-) -> None:
+def test_a_scan_has_a_temperature(thermometer: float | None, assumed: float, settings: dict[str, float]) -> None:
     (reading,) = scanned(PlainEchoes(thermometer), ONE, **settings)
     assert reading.range == pytest.approx(speed_of_sound(assumed) * echo_time(0.0) / 2, rel=1e-5)

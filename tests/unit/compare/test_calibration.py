@@ -85,9 +85,7 @@ TWO_PARTS = [*range(84, 103), *range(201, 229)]
         ([[]] * 5, []),
     ],
 )
-def test_echoes_at_one_angle_and_range_at_most_places_are_the_own_body(
-    bodies: list[list[int]], parts: list[tuple[float, float]]
-) -> None:
+def test_echoes_common_to_places_are_the_own_body(bodies: list[list[int]], parts: list[tuple[float, float]]) -> None:
     body = find_own_body([unexplained(place, one) for place, one in zip(PLACES, bodies, strict=False)])
     assert [(part.from_deg % 360, part.to_deg - part.from_deg) for part in body] == [
         (pytest.approx(low, abs=1.6), pytest.approx(high - low, abs=3.1)) for low, high in parts

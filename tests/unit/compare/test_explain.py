@@ -146,12 +146,7 @@ def at_level(over_db: float) -> Board:
     [
         (270, 0.827, PAPER, f"0.827 m at 270.0°: {FALSE_WALL}; {BLANKED}"),
         (90, math.nan, PAPER, "no echo at 90.0°: the model predicts 0.657 m by one reflection, top"),
-        (
-            90,
-            0.5,
-            PAPER,
-            "0.500 m at 90.0°: nearer than the model's 0.657 m by one reflection, top; no path of the…",
-        ),
+        (90, 0.5, PAPER, "0.500 m at 90.0°: nearer than the model's 0.657 m by one reflection, top; no path of the…"),
         (90, 1.399, PAPER, "1.399 m at 90.0°: a later echo, three reflections, …"),
         (90, 0.657, at_level(0.4), "…; it is only 0.4 dB over the threshold; a higher threshold gives silence"),
         (90, 0.657, at_level(2.5), "0.657 m at 90.0°: one reflection, top"),

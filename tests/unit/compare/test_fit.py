@@ -8,24 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
-from sonarhw_compare.fit import FitOptions, PlacedScan, fit_scans, free_parameters
-from sonarhw_compare.fit.fitting import (
-    fit_setting,
-    fitted_room,
-    is_unconstrained,
-    with_listed_findings,
-)
+from sonarhw_compare.fit import FitOptions, PlacedScan, fit_scans, fitting, free_parameters, quantities
 from sonarhw_compare.fit.free_walls import corner_moves, with_shifted_walls
 from sonarhw_compare.fit.objective import LEVELS, PROBABILITIES, Objective, tolerance_prior
 from sonarhw_compare.fit.parameters import Parameter, tolerated_parameters, with_priors
-from sonarhw_compare.fit.quantities import (
-    SCALE,
-    WALL,
-    WORDS,
-    PlaceQuantity,
-    X,
-    words_of,
-)
 from sonarhw_compare.fit.search import averaged
 from sonarhw_compare.fit.starting import fit_scan, likely_fit
 from sonarhw_compare.scans import GivenScan
@@ -60,8 +46,8 @@ FIGURE_9 = SIMPLE.places["figure9"]
 )
 def test_a_word_frees_its_group_and_a_part_only_itself(free: str, scans: list[str], names: str) -> None:
     assert [one.name for one in free_parameters(free.split(), scans, ROOM, BOARD)] == names.split()
-    assert words_of(PlaceQuantity) == "position (x, y), heading"
-    assert all(word.partition("[")[0] in words_of() for word in WORDS)
+    assert quantities.words_of(quantities.PlaceQuantity) == "position (x, y), heading"
+    assert all(word.partition("[")[0] in quantities.words_of() for word in quantities.WORDS)
 
 
 FREE = ("x", "heading", "temperature")
@@ -100,30 +86,30 @@ def given(*ranges: float) -> GivenScan:
 
 def test_an_unknown_place_is_searched_from_the_middle_of_the_room_if_its_position_is_free() -> None:
     ends = ARENA.walls.reshape(-1, 2)
-    (placed,) = fit_setting([given(1.7)], "arena", [], "lego-nxt", ["position", "heading"], []).scans
+    (placed,) = fitting.fit_setting([given(1.7)], "arena", [], "lego-nxt", ["position", "heading"], []).scans
     assert placed.place.position == pytest.approx((ends.min(axis=0) + ends.max(axis=0)) / 2)
     for free, fixed in ((["heading"], "x and y are fixed"), (["x"], "y is fixed"), (["y"], "x is fixed")):
         with pytest.raises(InputError, match=f"mine: its place is unknown, and {fixed}; give a place"):
-            fit_setting([given(1.7)], "arena", [], "lego-nxt", free, [])
+            fitting.fit_setting([given(1.7)], "arena", [], "lego-nxt", free, [])
 
 
 def test_a_room_gets_the_fitted_place_temperature_and_reflectance() -> None:
     free = ("position", "heading", "temperature", f"reflectance:{SIMPLE.materials[0]}")
     parameters = free_parameters(free, ("scan",), SIMPLE, PAPER)
     values = dict(zip(parameters, (0.7, 0.1, 0.0, 23.456, 0.81), strict=True))
-    found = fitted_room(SIMPLE, values, [Place("found", (0.7123456, 0.1), math.radians(-90.0))])
+    found = fitting.fitted_room(SIMPLE, values, [Place("found", (0.7123456, 0.1), math.radians(-90.0))])
     for room in (found, parse_room(found.text, "again")):
         assert room.air.temperature_c == pytest.approx(23.456, abs=0.06)
         assert room.reflectances[0] == pytest.approx(0.81)
         assert room.places["found"].position == pytest.approx((0.7123456, 0.1), abs=1e-4)
         assert math.degrees(room.places["found"].heading) % 360 == pytest.approx(270.0)
         assert set(room.places) == {*SIMPLE.places, "found"}
-    listed = with_listed_findings(SIMPLE, SIMPLE.name, ["reflectance:a\nname = 'other' 0.9"], ["scan"])
+    listed = fitting.with_listed_findings(SIMPLE, SIMPLE.name, ["reflectance:a\nname = 'other' 0.9"], ["scan"])
     assert listed.name == SIMPLE.name
     assert listed.text.splitlines()[1] == r"#   reflectance:a\nname = 'other' 0.9"
     # without a fitted position the room keeps its places
     warm = {parameters[3]: 20.0}
-    assert set(fitted_room(SIMPLE, warm, [Place("found", (0.7, 0.1))]).places) == set(SIMPLE.places)
+    assert set(fitting.fitted_room(SIMPLE, warm, [Place("found", (0.7, 0.1))]).places) == set(SIMPLE.places)
 
 
 # Searches and samples of distributions that are known.
@@ -131,9 +117,9 @@ def test_a_room_gets_the_fitted_place_temperature_and_reflectance() -> None:
 
 # x, two walls with a tolerance of 5 mm, and the turntable's scale with one of 1 %
 TOLERATED = (
-    Parameter(X),
-    *(Parameter(WALL, name, expected=0.0, deviation=0.005, is_tolerated=True) for name in ("west", "east")),
-    Parameter(SCALE, expected=1.0, deviation=0.01, is_tolerated=True),
+    Parameter(quantities.X),
+    *(Parameter(quantities.WALL, name, expected=0.0, deviation=0.005, is_tolerated=True) for name in ("west", "east")),
+    Parameter(quantities.SCALE, expected=1.0, deviation=0.01, is_tolerated=True),
 )
 
 
@@ -178,9 +164,7 @@ def test_the_average_over_deviations_has_the_moments_of_a_direct_calculation() -
 
 
 @pytest.mark.parametrize("samples", [0, 200])
-def test_values_without_effect_have_their_prior_whatever_the_rounding(
-    samples: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_values_without_effect_have_their_prior(samples: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """No sound reaches the walls of carpet and felt. Last digits and equal eigenvalues differ between processors."""
     text = Path("rooms/arena.toml").read_text(encoding="utf-8")
     for name, x, reflectance in (("carpet", -1.0, 0.7), ("felt", -2.0, 0.4)):
@@ -207,7 +191,7 @@ def test_values_without_effect_have_their_prior_whatever_the_rounding(
     free = free_parameters(["offset", "reflectance"], [""], room, board)
     options = FitOptions(samples=samples, global_search=False, exact=True)
     result = fit_scans([PlacedScan(readings, room.place("p3"))], room, board, free, options=options)
-    determined = [one.name for one in free if not is_unconstrained(one, result.estimates[one.name])]
+    determined = [one.name for one in free if not fitting.is_unconstrained(one, result.estimates[one.name])]
     assert determined == ["offset", "reflectance:board"]
     for name, value in (("carpet", 0.7), ("felt", 0.4)):
         found = result.estimates[f"reflectance:{name}"]

@@ -5,18 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sonarhw_compare.fit import PlacedScan, free_parameters
-from sonarhw_compare.fit.likelihood import (
-    LATENESS_STEP,
-    ODD,
-    BoardValues,
-    PathArrays,
-    ReadingNoise,
-    ScanArrays,
-    lateness_by_level,
-    level_offset_db,
-    log_likelihoods,
-)
+from sonarhw_compare.fit import PlacedScan, free_parameters, likelihood
 from sonarhw_compare.fit.objective import Objective, make_problem
 from sonarhw_sim.air import Receiver
 from sonarhw_sim.board.beam import beam_table
@@ -32,7 +21,7 @@ from tests.fixtures.predicted_readings import predicted_scan, readings_of
 ARENA, LABORATORY, DOORSTEP = (load_room(name) for name in ("arena", "laboratory", "doorstep"))
 BOARD = replace(load_board("polaroid-6500"), receiver=Receiver.FIRST_ECHO)
 HERE = Place("", (0.9, 0.5))
-NOISE = ReadingNoise(0.004, 1.0, 0.05, 0.02, 0.05)
+NOISE = likelihood.ReadingNoise(0.004, 1.0, 0.05, 0.02, 0.05)
 
 
 def objective_of(
@@ -115,19 +104,19 @@ def test_silence_of_two_paths_together_has_the_probability_that_random_phases_gi
     together = 20 * np.log10(np.abs(amplitudes)) + random.normal(0, spread, len(phases)) < 0
     # the second path begins an arrival too, which is detected by itself
     alone = second + random.normal(0, spread, len(phases)) < 0
-    paths = PathArrays(
+    paths = likelihood.PathArrays(
         np.array([[2.0, 0.0], [2.003, 0.0]]),
         np.zeros((2, 2)),
         np.zeros((2, 2)),
         np.tile((-1.0, 0.0), (2, 1)),
-        np.array([ODD, ODD], np.int8),
+        np.array([likelihood.ODD, likelihood.ODD], np.int8),
         np.array([2, 2]),
         np.array([first, second]),
     )
-    silent = ScanArrays(np.zeros(1), np.full((1, 1), np.nan), np.zeros(1, np.int64), np.zeros(1, np.bool_))
-    board = BoardValues(0.0, 1.0, 17.0, 0.0, 0.1, 10.0, 0.0, 1.0, 0.0, (0.0, 0.0), (0.0, 0.0))
-    noise = ReadingNoise(0.001, spread, 0.0, 1e-9, 1e-9)
-    found = log_likelihoods(silent, paths, (0.0, 0.0), board, noise, beam_table(17.0), np.empty(0))
+    silent = likelihood.ScanArrays(np.zeros(1), np.full((1, 1), np.nan), np.zeros(1, np.int64), np.zeros(1, np.bool_))
+    board = likelihood.BoardValues(0.0, 1.0, 17.0, 0.0, 0.1, 10.0, 0.0, 1.0, 0.0, (0.0, 0.0), (0.0, 0.0))
+    noise = likelihood.ReadingNoise(0.001, spread, 0.0, 1e-9, 1e-9)
+    found = likelihood.log_likelihoods(silent, paths, (0.0, 0.0), board, noise, beam_table(17.0), np.empty(0))
     assert math.exp(found[0]) == pytest.approx(together.mean() * alone.mean(), abs=0.06)
 
 
@@ -144,19 +133,19 @@ def wall(distance: float, level_db: float) -> Arrivals:
 
 
 def test_an_echo_is_detected_as_late_as_in_a_simulated_ping() -> None:
-    table = lateness_by_level(IDEAL, SPEED)
-    assert (len(table) - 1) * LATENESS_STEP == 40.0
+    table = likelihood.lateness_by_level(IDEAL, SPEED)
+    assert (len(table) - 1) * likelihood.LATENESS_STEP == 40.0
     assert (np.diff(table) <= 0).all()
     for over in (0.5, 1.0, 3.0, 6.0, 12.0, 20.0, 30.0):
         ranges = detect_echoes(wall(2.0, IDEAL.threshold_db + over), IDEAL, SPEED).times * SPEED / 2
-        assert ranges[0] - 2.0 == pytest.approx(table[round(over / LATENESS_STEP)], abs=SPEED / RATE)
+        assert ranges[0] - 2.0 == pytest.approx(table[round(over / likelihood.LATENESS_STEP)], abs=SPEED / RATE)
     # at the threshold almost the whole burst of 16 cycles of 49.4 kHz is needed
     assert table[0] > 0.7 * 16 / 49_412 * SPEED / 2
 
 
 def test_the_offset_of_the_gain_is_that_of_received_echoes() -> None:
     distances = np.array([0.5, 1.0, 2.3, 4.0, 7.0])
-    offsets = level_offset_db(2 * distances, OWN, SPEED)
+    offsets = likelihood.level_offset_db(2 * distances, OWN, SPEED)
     for distance, offset in zip(distances.tolist(), offsets.tolist(), strict=True):
         arrives = round(2 * distance / SPEED * RATE)  # the burst rises after this sample
         stepped, ideal = (
@@ -166,4 +155,4 @@ def test_the_offset_of_the_gain_is_that_of_received_echoes() -> None:
         # the ideal gain rises a little until then
         assert 20 * np.log10(stepped / ideal) == pytest.approx(offset, abs=0.3)
     assert np.ptp(offsets) > 1.0
-    assert level_offset_db(2 * distances, IDEAL, SPEED).tolist() == [0.0] * 5
+    assert likelihood.level_offset_db(2 * distances, IDEAL, SPEED).tolist() == [0.0] * 5

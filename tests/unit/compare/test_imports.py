@@ -94,9 +94,7 @@ def test_columns_that_the_user_names_are_read_in_any_order_and_lose_no_reading(t
 @pytest.mark.parametrize(
     ("stated", "sign"), [({}, -1), ({"turn": "cw"}, -1), ({"turn": "ccw"}, 1)], ids=["named", "same", "other"]
 )
-def test_a_clockwise_angle_is_turned_once_and_the_user_overrules_its_name(
-    tmp_path: Path, stated: dict[str, str], sign: int
-) -> None:
+def test_a_clockwise_angle_is_turned_once(tmp_path: Path, stated: dict[str, str], sign: int) -> None:
     rows = [(angle, 50 + angle) for angle in (10, 20, 30, 40, 50)]
     for text in (
         "angle_cw_deg,range_cm\n" + "".join(f"{angle},{cm}\n" for angle, cm in rows),
@@ -132,9 +130,7 @@ def test_options_that_do_not_fit_are_refused(tmp_path: Path, stated: dict[str, A
         ([2.0] * 5, None),  # a round tank
     ],
 )
-def test_the_longest_range_likely_stands_for_no_echo_if_it_is_frequent(
-    tmp_path: Path, ranges: list[float], silent: float | None
-) -> None:
+def test_a_frequent_longest_range_is_no_echo(tmp_path: Path, ranges: list[float], silent: float | None) -> None:
     shuffled = np.random.default_rng(1).permutation(ranges).tolist()
     text = "".join(f"{k},{100 * value:.6g}\n" for k, value in enumerate(shuffled))
     scan = imported(tmp_path, f"heading,range_cm\n{text}")
@@ -216,12 +212,7 @@ def test_names_of_earlier_versions_read_the_same_scan(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("made_by", "origin"),
-    [
-        ("scan", Origin.MEASURED),
-        ("scan", Origin.FAKE),
-        ("simulate", Origin.SIMULATED),
-        ("import", Origin.IMPORTED),
-    ],
+    [("scan", Origin.MEASURED), ("scan", Origin.FAKE), ("simulate", Origin.SIMULATED), ("import", Origin.IMPORTED)],
 )
 def test_a_corrected_log_keeps_the_origin_of_its_readings(tmp_path: Path, made_by: str, origin: Origin) -> None:
     log, corrected = tmp_path / "scan.mcap", tmp_path / "corrected.mcap"

@@ -7,20 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from sonarhw_cli.options import with_options
+from sonarhw_compare import locate
 from sonarhw_compare.corrections import MIRRORED
 from sonarhw_compare.fit.starting import Scores
-from sonarhw_compare.locate import (
-    HEADER,
-    UNKNOWN,
-    Located,
-    OtherReading,
-    Pose,
-    PoseSpread,
-    known_heading,
-    learned,
-    locate_scan,
-    read_poses,
-)
 from sonarhw_compare.track import Tracker, log_likelihood
 from sonarhw_sim.air import Model
 from sonarhw_sim.board.profile import Ring, load_board
@@ -37,11 +26,11 @@ SCORES = Scores(
 )
 
 
-def located(*poses: tuple[tuple[float, float], float], readings: int = 0, **more: object) -> Located:
+def located(*poses: tuple[tuple[float, float], float], readings: int = 0, **more: object) -> locate.Located:
     """Return poses with these positions and probabilities."""
-    found = tuple(Pose(position, 0.0, 0.0, share, (0.01, 0.01, 0.01)) for position, share in poses)
+    found = tuple(locate.Pose(position, 0.0, 0.0, share, (0.01, 0.01, 0.01)) for position, share in poses)
     scan = tuple(readings_of(np.zeros(readings), np.full(readings, 0.5)))
-    return Located(ROOM, BOARD, scan, found, SCORES, 2.0, 1.0, **more)  # type: ignore[arg-type]
+    return locate.Located(ROOM, BOARD, scan, found, SCORES, 2.0, 1.0, **more)  # type: ignore[arg-type]
 
 
 def test_a_place_has_the_share_of_the_poses_within_ten_centimetres() -> None:
@@ -70,8 +59,10 @@ def test_of_poses_that_the_scan_cannot_distinguish_that_at_a_known_place_is_chos
 
 def test_a_scan_that_only_clockwise_angles_put_at_a_known_place_is_doubtful() -> None:
     x, y = ROOM.place("p3").position
-    mirrored, twin = (Pose(position, 0.0, 0.0, 0.05, (0.01, 0.01, 0.01)) for position in ((0.2, 0.2), (x, y + 0.02)))
-    other = OtherReading(MIRRORED, mirrored, 0.9, (mirrored, twin))
+    mirrored, twin = (
+        locate.Pose(position, 0.0, 0.0, 0.05, (0.01, 0.01, 0.01)) for position in ((0.2, 0.2), (x, y + 0.02))
+    )
+    other = locate.OtherReading(MIRRORED, mirrored, 0.9, (mirrored, twin))
     (doubt,) = located(((x + 0.3, y), 0.9), readings=20, others=(other,)).doubts
     assert f"no pose is within 10 cm of p3 ({x:g}, {y:g} m), but one is with clockwise angles; " in doubt
     assert "add turn=cw" in doubt
@@ -86,10 +77,10 @@ def test_a_scan_with_few_independent_readings_is_doubtful(readings: int, doubtfu
 
 @pytest.mark.parametrize(("stated", "turn"), [(175.0, None), (142.0, 40)])
 def test_a_heading_that_contradicts_the_stated_one_is_doubtful(stated: float, turn: int | None) -> None:
-    pose = Pose((1.0, 1.0), math.radians(-178), 0.0, 1.0, (0.01, 0.01, math.radians(1)))
-    place, spread = known_heading(math.radians(stated), math.radians(5))
+    pose = locate.Pose((1.0, 1.0), math.radians(-178), 0.0, 1.0, (0.01, 0.01, math.radians(1)))
+    place, spread = locate.known_heading(math.radians(stated), math.radians(5))
     scan = tuple(readings_of(np.zeros(20), np.full(20, 0.5)))
-    found = Located(ROOM, BOARD, scan, (pose,), SCORES, 1.0, 1.0, "scan", place, spread)
+    found = locate.Located(ROOM, BOARD, scan, (pose,), SCORES, 1.0, 1.0, "scan", place, spread)
     unlikely = "from --heading, which is unlikely with this --heading-sd; check both"
     expected = [] if turn is None else [f"scan: step 0 of the first pose is {turn}° {unlikely}"]
     assert [with_options(doubt) for doubt in found.doubts] == expected
@@ -99,12 +90,10 @@ def test_a_heading_that_contradicts_the_stated_one_is_doubtful(stated: float, tu
     ("turn", "scale", "named"),
     [(1.0, 1.0, None), (-1.0, 1.0, "with clockwise angles"), (1.0, 0.5, "with 2 times the ranges")],
 )
-def test_a_scan_that_was_read_wrongly_is_found_and_a_right_one_is_not_doubted(
-    turn: float, scale: float, named: str | None
-) -> None:
+def test_a_scan_that_was_read_wrongly_is_found(turn: float, scale: float, named: str | None) -> None:
     place, angles = ROOM.place("p3"), np.radians(np.arange(0.0, 360.0, 12.0))
     ranges = sonarhw.predict(ROOM, place, BOARD, place.heading + angles).ranges
-    found = locate_scan(readings_of(turn * angles, scale * ranges), ROOM, BOARD)
+    found = locate.locate_scan(readings_of(turn * angles, scale * ranges), ROOM, BOARD)
     shares = [pose.probability for pose in (*found.poses, *(other.pose for other in found.others))]
     assert sum(shares) + found.nothing == pytest.approx(1.0, abs=0.01)
     best = found.better_read
@@ -117,7 +106,7 @@ def test_a_scan_that_was_read_wrongly_is_found_and_a_right_one_is_not_doubted(
 
 
 def test_fewer_explained_echoes_make_none_of_the_poses_more_probable_and_are_compared_with_usual_ones() -> None:
-    shares = [learned().chance_of_nothing(explained) for explained in (1.0, 0.8, 0.6, 0.3)]
+    shares = [locate.learned().chance_of_nothing(explained) for explained in (1.0, 0.8, 0.6, 0.3)]
     assert shares == sorted(shares)
     assert shares[0] < 0.05 < shares[-1] < 1
     lines = list(replace(located(((1.0, 1.0), 0.7), readings=20), explained=0.5, nothing=0.3).lines())
@@ -141,27 +130,27 @@ def table(folder: Path, *lines: str) -> Path:
 @pytest.mark.parametrize(
     ("row", "place", "spread"),
     [
-        ("b.mcap,3,4,90,0.03,2", Place("b", (3.0, 4.0), math.pi / 2), PoseSpread(0.03, math.radians(2))),
-        ("b.mcap,3,4,90,,", Place("b", (3.0, 4.0), math.pi / 2), PoseSpread(0.0, 0.0)),
-        ("b.mcap,,,,,", Place("b", (0.0, 0.0)), UNKNOWN),
-        ("b.mcap,,,180,,", Place("b", (0.0, 0.0), math.pi), PoseSpread(math.inf, 0.0)),
-        ("b.mcap,,,180,,90", Place("b", (0.0, 0.0), math.pi), PoseSpread(math.inf, math.pi / 2)),
-        ("b.mcap,1,2,,0.03,", Place("b", (1.0, 2.0)), PoseSpread(0.03, math.inf)),
+        ("b.mcap,3,4,90,0.03,2", Place("b", (3.0, 4.0), math.pi / 2), locate.PoseSpread(0.03, math.radians(2))),
+        ("b.mcap,3,4,90,,", Place("b", (3.0, 4.0), math.pi / 2), locate.PoseSpread(0.0, 0.0)),
+        ("b.mcap,,,,,", Place("b", (0.0, 0.0)), locate.UNKNOWN),
+        ("b.mcap,,,180,,", Place("b", (0.0, 0.0), math.pi), locate.PoseSpread(math.inf, 0.0)),
+        ("b.mcap,,,180,,90", Place("b", (0.0, 0.0), math.pi), locate.PoseSpread(math.inf, math.pi / 2)),
+        ("b.mcap,1,2,,0.03,", Place("b", (1.0, 2.0)), locate.PoseSpread(0.03, math.inf)),
     ],
 )
-def test_poses_come_in_the_order_of_the_logs_and_what_a_row_lacks_is_unknown(
-    tmp_path: Path, row: str, place: Place, spread: PoseSpread
-) -> None:
-    rows = table(tmp_path, HEADER, row, FIRST)
-    assert read_poses(rows, LOGS) == [(Place("a", (1.0, 2.0)), PoseSpread(0.0, 0.0)), (place, spread)]
+def test_poses_have_the_order_of_the_logs(tmp_path: Path, row: str, place: Place, spread: locate.PoseSpread) -> None:
+    rows = table(tmp_path, locate.HEADER, row, FIRST)
+    assert locate.read_poses(rows, LOGS) == [(Place("a", (1.0, 2.0)), locate.PoseSpread(0.0, 0.0)), (place, spread)]
     if math.isinf(max(spread.xy, spread.heading)):
         with pytest.raises(InputError, match=r"b\.mcap: expected position and heading of the first log"):
-            read_poses(rows, LOGS[::-1])
+            locate.read_poses(rows, LOGS[::-1])
 
 
 def test_three_written_positions_need_no_heading(tmp_path: Path) -> None:
-    rows = table(tmp_path, HEADER, *(f"{name}.mcap,{x},2,,0.03," for x, name in enumerate("abc")))
-    assert [spread.is_whole for _, spread in read_poses(rows, [Path(f"{name}.mcap") for name in "abc"])] == [False] * 3
+    rows = table(tmp_path, locate.HEADER, *(f"{name}.mcap,{x},2,,0.03," for x, name in enumerate("abc")))
+    assert [spread.is_whole for _, spread in locate.read_poses(rows, [Path(f"{name}.mcap") for name in "abc"])] == [
+        False
+    ] * 3
 
 
 # A robot that is tracked.

@@ -7,22 +7,10 @@ from typing import cast
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
+from sonarhw_compare import map
 from sonarhw_compare.arcs import Arc
 from sonarhw_compare.drawings import draw_map
 from sonarhw_compare.fit import PlacedScan
-from sonarhw_compare.map import (
-    DEPTH,
-    CertaintyGrid,
-    Features,
-    Layer,
-    Point,
-    RoomMap,
-    Wall,
-    certainty_grid,
-    find_features,
-    reachable_walls,
-    with_possible_walls,
-)
 from sonarhw_compare.map import room_of as room_of_features
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import CONE_HALF_ANGLE
@@ -40,10 +28,10 @@ BOARD = load_board("paper")
 HERE = Place("", (0.3, 0.1))
 
 
-def grid_of(*rows: tuple[float, float], cell: float = 0.01, x: float = 0.3) -> CertaintyGrid:
+def grid_of(*rows: tuple[float, float], cell: float = 0.01, x: float = 0.3) -> map.CertaintyGrid:
     """Return the grid of readings of headings (degrees) and ranges (m) at (`x`, 0.1)."""
     degrees, ranges = zip(*rows, strict=True)
-    return certainty_grid(
+    return map.certainty_grid(
         [PlacedScan(readings_of(np.radians(degrees), ranges), replace(HERE, position=(x, 0.1)))],
         BOARD,
         [np.ones(len(rows), np.bool_)],
@@ -51,7 +39,7 @@ def grid_of(*rows: tuple[float, float], cell: float = 0.01, x: float = 0.3) -> C
     )
 
 
-def polar(grid: CertaintyGrid, degrees: float) -> tuple[np.ndarray, np.ndarray]:
+def polar(grid: map.CertaintyGrid, degrees: float) -> tuple[np.ndarray, np.ndarray]:
     """Return distance from the sensor and angle from the axis of each cell, m and rad."""
     rows, columns = np.indices(grid.empty.shape)
     x = grid.left + (columns + 0.5) * grid.cell - 0.3
@@ -65,17 +53,19 @@ def test_one_reading_gives_the_printed_profiles(degrees: float, far: float) -> N
     grid = grid_of((degrees, far))
     away, aside = polar(grid, degrees)
     share = np.where(aside < CONE_HALF_ANGLE, 1 - (aside / CONE_HALF_ANGLE) ** 2, 0.0)
-    before = far - DEPTH
+    before = far - map.DEPTH
     empty = np.where(away < before, share * (1 - (away / before) ** 2), 0.0)
     assert grid.empty == pytest.approx(empty, abs=1e-9)
-    occupied = np.where(np.abs(away - far) < DEPTH, share * (1 - ((away - far) / DEPTH) ** 2), 0.0) * (1 - empty)
+    occupied = np.where(np.abs(away - far) < map.DEPTH, share * (1 - ((away - far) / map.DEPTH) ** 2), 0.0) * (
+        1 - empty
+    )
     # an arc adds 1 in all; the highest certainty of the grid is then 1
     assert grid.occupied == pytest.approx(occupied / occupied.max(), abs=1e-9)
     assert grid.certainty == pytest.approx(np.where(grid.occupied >= empty, grid.occupied, -empty), abs=1e-9)
 
 
 def test_certainty_outside_the_grid_is_0_and_inside_that_of_the_cell() -> None:
-    grid = CertaintyGrid(1.0, 2.0, 0.5, np.zeros((2, 3)), np.array([[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]]))
+    grid = map.CertaintyGrid(1.0, 2.0, 0.5, np.zeros((2, 3)), np.array([[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]]))
     points = [
         [1.01, 2.01],
         [2.49, 2.01],
@@ -101,7 +91,7 @@ def arc_to(centre: tuple[float, float], target: tuple[float, float]) -> Arc:
 
 @pytest.mark.parametrize(("apart", "length"), [(0.06, 0.1), (0.1, 0.1), (0.4, 0.4)])
 def test_a_wall_is_as_long_as_the_touched_part_but_at_least_10_centimetres(apart: float, length: float) -> None:
-    (wall,) = find_features([arc_to((x, 0.0), (x, 1.0)) for x in (0.3, 0.3 + apart)]).walls
+    (wall,) = map.find_features([arc_to((x, 0.0), (x, 1.0)) for x in (0.3, 0.3 + apart)]).walls
     ends = sorted((wall.start, wall.end))
     assert [y for _, y in ends] == pytest.approx([1.0, 1.0], abs=1e-6)
     assert [x for x, _ in ends] == pytest.approx([0.3 + (apart - length) / 2, 0.3 + (apart + length) / 2], abs=1e-6)
@@ -109,17 +99,17 @@ def test_a_wall_is_as_long_as_the_touched_part_but_at_least_10_centimetres(apart
 
 def test_two_places_distinguish_a_wall_from_a_point() -> None:
     centres = [(0.0, 0.0), (0.6, 0.1)]
-    wall = find_features([arc_to(centre, (centre[0], 1.0)) for centre in centres])
+    wall = map.find_features([arc_to(centre, (centre[0], 1.0)) for centre in centres])
     assert [round(math.degrees(one.normal)) for one in wall.walls] == [90]
     np.testing.assert_allclose([wall.walls[0].start[1], wall.walls[0].end[1]], 1.0, atol=1e-6)
-    point = find_features([arc_to(centre, (0.4, 1.0)) for centre in centres])
+    point = map.find_features([arc_to(centre, (0.4, 1.0)) for centre in centres])
     (found,) = point.points
     np.testing.assert_allclose(found.position, (0.4, 1.0), atol=1e-6)
     assert not found.is_corner
 
 
 def test_one_place_gives_arcs_only() -> None:
-    features = find_features([arc_to((0.0, 0.0), (0.0, 1.0)), arc_to((0.01, 0.0), (0.01, 1.0))])
+    features = map.find_features([arc_to((0.0, 0.0), (0.0, 1.0)), arc_to((0.01, 0.0), (0.01, 1.0))])
     assert (features.walls, features.points) == ((), ())
     assert len(features.alone) == 2
 
@@ -137,17 +127,17 @@ def test_one_place_gives_arcs_only() -> None:
 )
 def test_a_wall_through_which_a_scan_detects_echoes_is_possible_only(x: float, behind: float, possible: bool) -> None:
     centres = [(0.0, 0.0), (0.4, 0.1), (0.9, 0.05)]
-    features = find_features([arc_to(centre, (centre[0], 1.0)) for centre in centres])
+    features = map.find_features([arc_to(centre, (centre[0], 1.0)) for centre in centres])
     looking_up = PlacedScan(
         readings_of(np.radians(84.0 + 3 * np.arange(5)), np.full(5, 0.8 + behind)), Place("", (x, 0.2))
     )
-    marked = with_possible_walls(features, [looking_up], BOARD, [np.ones(5, dtype=np.bool_)])
+    marked = map.with_possible_walls(features, [looking_up], BOARD, [np.ones(5, dtype=np.bool_)])
     assert [wall.possible for wall in marked.walls] == [possible]
     assert (room_of_features(marked) is None) == possible
 
 
-def wall(start: tuple[float, float], end: tuple[float, float], degrees: float, *arcs: int) -> Wall:
-    return Wall(start, end, math.radians(degrees), arcs)
+def wall(start: tuple[float, float], end: tuple[float, float], degrees: float, *arcs: int) -> map.Wall:
+    return map.Wall(start, end, math.radians(degrees), arcs)
 
 
 def arc(x: float, y: float, distance: float, degrees: float) -> Arc:
@@ -157,8 +147,8 @@ def arc(x: float, y: float, distance: float, degrees: float) -> Arc:
 UP, ASIDE = arc(0.5, 0.0, 1.0, 90.0), arc(0.5, 0.0, 1.0, 0.0)
 
 
-def ends(*walls: Wall) -> list[list[float]]:
-    room = room_of_features(Features((UP, ASIDE), walls, ()))
+def ends(*walls: map.Wall) -> list[list[float]]:
+    room = room_of_features(map.Features((UP, ASIDE), walls, ()))
     return np.round(room.walls, 6).tolist()
 
 
@@ -188,7 +178,7 @@ def test_nearly_parallel_walls_do_not_meet() -> None:
 def test_a_wall_behind_another_is_an_image(y: float, left: float, reachable: bool) -> None:
     arcs = (UP, arc(0.5, 0.0, y, 90.0))
     near, far = wall((left, 1.0), (left + 1.0, 1.0), 90, 0), wall((0.3, y), (0.9, y), 90, 1)
-    assert reachable_walls(Features(arcs, (far, near), ())) == ((near, far) if reachable else (near,))
+    assert map.reachable_walls(map.Features(arcs, (far, near), ())) == ((near, far) if reachable else (near,))
 
 
 # The picture of a map.
@@ -200,19 +190,19 @@ CENTRES = ((0.0, 0.0), (0.5, 0.0), (1.0, 0.0))
 ARCS = tuple(Arc(k, (), centre, 2.0, math.pi / 2, math.radians(10)) for k, centre in enumerate(CENTRES))
 
 
-WALL = Wall((0.0, 2.0), (1.0, 2.0), math.pi / 2, (0, 1, 2))
+WALL = map.Wall((0.0, 2.0), (1.0, 2.0), math.pi / 2, (0, 1, 2))
 
 
-CORNER, EDGE = Point((1.5, 2.0), True, ()), Point((-0.5, 1.0), False, ())
+CORNER, EDGE = map.Point((1.5, 2.0), True, ()), map.Point((-0.5, 1.0), False, ())
 
 
-def map_from(places: int) -> RoomMap:
+def map_from(places: int) -> map.RoomMap:
     """Return a map from this number of places, with one wall, one corner and one edge."""
-    grid = CertaintyGrid(-1.0, -1.0, 0.1, np.zeros((40, 40)), np.zeros((40, 40)))
+    grid = map.CertaintyGrid(-1.0, -1.0, 0.1, np.zeros((40, 40)), np.zeros((40, 40)))
     kept = (np.ones(0, np.bool_),) * places
-    layer = Layer(kept, grid, Features(ARCS[:places], (WALL,), (CORNER, EDGE)))
+    layer = map.Layer(kept, grid, map.Features(ARCS[:places], (WALL,), (CORNER, EDGE)))
     scans = tuple(PlacedScan([], Place("", centre)) for centre in CENTRES[:places])
-    return RoomMap(scans, layer, room_of([[0.0, 2.0, 1.0, 2.0]]), layer, kept)
+    return map.RoomMap(scans, layer, room_of([[0.0, 2.0, 1.0, 2.0]]), layer, kept)
 
 
 def line(axes: Axes, label: str) -> list[list[float]]:

@@ -19,13 +19,7 @@ from sonarhw_compare.map import map_scans
 from sonarhw_compare.match import TOLERANCE, Comparison, Kind, classify, compare_readings, roc_area
 from sonarhw_compare.regions import Region, regions_of
 from sonarhw_compare.rooms.evidence import evidence_of
-from sonarhw_compare.score import (
-    assigned,
-    compare_regions,
-    echo_statistics,
-    match_regions,
-    score_comparison,
-)
+from sonarhw_compare.score import assigned, compare_regions, echo_statistics, match_regions, score_comparison
 from sonarhw_sim.board.profile import Board, Mount, OwnBodyPart, load_board
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
 from sonarhw_sim.predict.room_echoes import EXACT, RoomEchoes
@@ -121,9 +115,7 @@ def ranges_with(*parts: tuple[int, int, float], other: float = math.nan) -> np.n
         (NOTHING, []),
     ],
 )
-def test_regions_end_at_other_ranges_and_at_wide_silence_only(
-    ranges: np.ndarray, found: list[tuple[float, int, int]]
-) -> None:
+def test_regions_end_at_wide_silence_only(ranges: np.ndarray, found: list[tuple[float, int, int]]) -> None:
     regions = regions_of(HEADINGS, ranges)
     assert sorted((one.range, len(one), one.rows[0]) for one in regions) == sorted(found)
 

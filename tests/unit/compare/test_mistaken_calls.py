@@ -156,11 +156,7 @@ CALLS: list[tuple[Callable[..., Any], dict[str, Any], dict[str, str]]] = [
     (sonarhw.read_faults, {}, {"spec": "text"}),
     (sonarhw.open_scanner, {}, {"url": "text"}),
     (sonarhw.save_room, {"room": ROOM, "path": "room.toml"}, {"path": "file", "overwrite": "flag"}),
-    (
-        sonarhw.run_study,
-        {"study": None, "folder": "out"},
-        {"study": "result", "folder": "file", "workers": "whole"},
-    ),
+    (sonarhw.run_study, {"study": None, "folder": "out"}, {"study": "result", "folder": "file", "workers": "whole"}),
     (sonarhw.find_missing, {}, {"comparison": "result"}),
     (sonarhw.explain_reading, {"comparison": None, "index": 0}, {"comparison": "result"}),
     (sonarhw.draw_plan, {}, {"scan": "result"}),

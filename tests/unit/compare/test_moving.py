@@ -129,9 +129,7 @@ def test_the_arrays_of_a_ring_are_refused_with_the_call_that_takes_them() -> Non
         ((0, 0, 0), 90.0, "ranges: half of them over 30 m"),
     ],
 )
-def test_a_tracker_doubts_other_units_once(
-    room: Room, step: tuple[float, float, float], ranges: float, doubt: str
-) -> None:
+def test_other_units_are_doubted_once(room: Room, step: tuple[float, float, float], ranges: float, doubt: str) -> None:
     tracker = sonarhw.Tracker(room, "paper", tuple(POSES[0]), particles=20, model=Model.NEAREST)
     with pytest.warns(UserWarning, match=doubt):
         tracker.update(step, HEADINGS, np.full(4, ranges))

@@ -41,10 +41,7 @@ BROKEN: list[Callable[[], Claim]] = [
     partial(figures.pillar_is_half_lost, pillar="person"),
     partial(figures.burst_off_the_axis, radius=0.016),
     partial(figures.loss_grows_to_the_first_null, radius=0.016),
-    partial(
-        figures.single_readings_are_theirs,
-        model=lambda scene: replace(scene, model=Model.NEAREST).scan.ranges,
-    ),
+    partial(figures.single_readings_are_theirs, model=lambda scene: replace(scene, model=Model.NEAREST).scan.ranges),
     # 0.5 m from an edge, which is then above the threshold
     partial(figures.single_readings_are_theirs, replace(figures.RAY_FOLLOWING, place="1.85,0.95")),
     partial(figures.several_reflections_are_missing, model=lambda scene: scene.scan.ranges),

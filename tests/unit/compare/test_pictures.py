@@ -114,9 +114,7 @@ def test_the_plan_has_the_points_in_the_room_and_counts_those_outside(
     assert axes.get_title(loc="right") == f"{outside} of {len(comparison.rows)} are outside this plan"
 
 
-def test_measured_traces_are_drawn_above_predicted_ones_on_the_same_scale(
-    drawn: Callable[[Callable[[Comparison], bytes | None], Comparison], Figure],
-) -> None:
+def test_traces_have_one_scale(drawn: Callable[[Callable[[Comparison], bytes | None], Comparison], Figure]) -> None:
     """Traces every 90°, each with one echo; the rest of the circle has none."""
     angles, rate = np.radians([0.0, 90.0, 180.0, 270.0]), 50_000.0
     readings = []

@@ -41,10 +41,7 @@ def test_sound_is_where_the_unfolded_room_says(share: float, row: int) -> None:
         return
     travelled, departure = share * float(SCAN.paths.lengths[row]), float(SCAN.paths.departures[row])
     x, y = PLACE.position
-    expected = (
-        folded(x + travelled * math.cos(departure), WIDTH),
-        folded(y + travelled * math.sin(departure), HEIGHT),
-    )
+    expected = (folded(x + travelled * math.cos(departure), WIDTH), folded(y + travelled * math.sin(departure), HEIGHT))
     assert position_at(SCAN.paths.outline(row), travelled) == pytest.approx(np.array(expected), abs=1e-9)
 
 

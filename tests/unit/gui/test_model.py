@@ -73,9 +73,7 @@ def test_the_sensor_cannot_be_inside_a_post_but_above_a_low_one(crowded: Scene) 
         ((0.918, 0.3), None),
     ],
 )
-def test_a_part_of_the_plan_is_gripped_within_some_pixels(
-    crowded: Scene, point: tuple[float, float], part: GripPart | None
-) -> None:
+def test_parts_are_gripped_within_pixels(crowded: Scene, point: tuple[float, float], part: GripPart | None) -> None:
     pixel, at = 0.001, sensor_at(crowded, (0.9, 0.7))[0]
     grip = sensor_grip(at, (0.9, 0.6), point, pixel) or room_grip(crowded.room, point, pixel)
     assert part is (grip and grip.part)
@@ -84,9 +82,7 @@ def test_a_part_of_the_plan_is_gripped_within_some_pixels(
 
 
 @pytest.mark.parametrize("receiver", Receiver)
-def test_a_recording_contains_the_pose_of_the_sensor_and_the_receiver_of_its_board(
-    scene: Scene, tmp_path: Path, receiver: Receiver
-) -> None:
+def test_a_recording_contains_pose_and_receiver(scene: Scene, tmp_path: Path, receiver: Receiver) -> None:
     profile = SCENE.board.text.replace('receiver = "board"', f'receiver = "{receiver}"')
     moved, _ = sensor_turned(sensor_at(scene, (0.5, 0.5))[0], math.radians(30.14))
     log, path = start_recording(tmp_path, replace(moved, board=parse_board(profile, "mine.toml")), warn=print)

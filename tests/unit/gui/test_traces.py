@@ -5,33 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from sonarhw_compare.pictures import (
-    CELLS,
-    BScan,
-    RangeCells,
-    bscan_of,
-    cells_for,
-    difference,
-    echo_row,
-    envelope_of,
-    heading_key,
-    newest_by_heading,
-    predicted_row,
-    trace_row,
-)
-from sonarhw_gui.jobs.traces import (
-    Arm,
-    BScanRows,
-    BScans,
-    BScanSettings,
-    ColourScale,
-    Pane,
-    bscan_slice,
-    chosen_trace,
-    draw_bscan,
-    flat_area,
-    polar_area,
-)
+from sonarhw_compare import pictures
+from sonarhw_gui.jobs import traces
 from sonarhw_gui.model.look import LIGHT
 from sonarhw_gui.model.scene import Scene
 from sonarhw_gui.session.scanner import PackedTrace, packed
@@ -49,7 +24,7 @@ from tests.fixtures.window_scene import ROOM
 SPEED = 343.2
 RATE = 50_000.0
 HERE = Place("here", (0.0, 0.0))
-BLACK = ColourScale(np.full((256, 4), 255, dtype=np.uint8), 0.0, 1.0, "")
+BLACK = traces.ColourScale(np.full((256, 4), 255, dtype=np.uint8), 0.0, 1.0, "")
 
 
 def spike(distance: float, reach: float = 3.0, level: float = 1.0) -> Trace:
@@ -64,7 +39,7 @@ def reading(number: int, degrees: float, trace: Trace | None = None, ranges: tup
     return Reading(number, 0, 0, math.radians(degrees), 0.1 * number, times, SPEED, trace=trace)
 
 
-def loudest_at(levels: FloatArray, cells: RangeCells) -> float:
+def loudest_at(levels: FloatArray, cells: pictures.RangeCells) -> float:
     return float(cells.middles[np.nanargmax(levels)])
 
 
@@ -79,19 +54,19 @@ def facing_wall(distance: float) -> Room:
 
 
 def test_an_echo_lies_with_its_level_in_the_cell_of_its_range_and_only_the_trace_has_levels() -> None:
-    cells = cells_for(3.0, 0.004)
+    cells = pictures.cells_for(3.0, 0.004)
     for distance in (0.2, 1.0, 2.7):
-        row = trace_row(spike(distance), SPEED, cells)
+        row = pictures.trace_row(spike(distance), SPEED, cells)
         assert loudest_at(row, cells) == pytest.approx(distance, abs=cells.width)
-    for width in (RangeCells(0.005, 600), RangeCells(0.3, 10)):
-        assert np.nanmax(trace_row(spike(1.0, level=0.25), SPEED, width)) == 0.25
-    cells = cells_for(5.0, SPEED / 2 / RATE)
-    row = trace_row(spike(1.0, reach=3.0), SPEED, cells)
-    assert cells.count <= CELLS
+    for width in (pictures.RangeCells(0.005, 600), pictures.RangeCells(0.3, 10)):
+        assert np.nanmax(pictures.trace_row(spike(1.0, level=0.25), SPEED, width)) == 0.25
+    cells = pictures.cells_for(5.0, SPEED / 2 / RATE)
+    row = pictures.trace_row(spike(1.0, reach=3.0), SPEED, cells)
+    assert cells.count <= pictures.CELLS
     assert np.isfinite(row[cells.middles < 3.0 - cells.width]).all()
     assert np.isnan(row[cells.middles > 3.0 + cells.width]).all()
     for samples in (1, 7, 100, 599, 600, 601, 5000):  # no cell of a whole trace is empty
-        cells = cells_for(samples * 0.004, 0.004)
+        cells = pictures.cells_for(samples * 0.004, 0.004)
         assert cells.reach == pytest.approx(samples * 0.004)
         assert np.isfinite(cells.loudest(np.arange(samples) * 0.004, np.ones(samples))).all()
 
@@ -100,13 +75,13 @@ def test_the_envelope_of_an_undersampled_carrier_is_correct() -> None:
     rate, carrier = 76_923.0, 49_400.0
     times = np.arange(1500) / rate
     swell = 0.8 * np.exp(-(((times - 0.01) / 0.001) ** 2))
-    found = envelope_of(Trace(swell * np.cos(math.tau * carrier * times), rate, 0.0, carrier=True))
+    found = pictures.envelope_of(Trace(swell * np.cos(math.tau * carrier * times), rate, 0.0, carrier=True))
     assert np.abs(found - swell).max() < 0.01
 
 
 def test_the_predicted_echo_of_a_wall_lies_where_the_wall_is_also_with_a_transducer_off_the_axis() -> None:
-    room, board, cells = facing_wall(1.0), load_board("polaroid-6500"), cells_for(3.0, 0.004)
-    row = predicted_row(predict_scan(room, HERE, board, np.array([0.0])), 0.0, cells)
+    room, board, cells = facing_wall(1.0), load_board("polaroid-6500"), pictures.cells_for(3.0, 0.004)
+    row = pictures.predicted_row(predict_scan(room, HERE, board, np.array([0.0])), 0.0, cells)
     # the echo starts at this range and rises over some cycles
     beyond_ringing = cells.middles > 0.6
     first = cells.middles[beyond_ringing & (row >= 0.1 * np.nanmax(row[beyond_ringing]))][0]
@@ -114,30 +89,34 @@ def test_the_predicted_echo_of_a_wall_lies_where_the_wall_is_also_with_a_transdu
     off_axis = replace(board, max_range=2.0, mount=Mount(ahead=0.05))
     scan = predict_scan(room, HERE, off_axis, np.radians([0.0, 20.0, 340.0]))
     assert scan.only_at is not None
-    cells, speed = cells_for(2.0, 0.004), room.air.speed_of_sound
+    cells, speed = pictures.cells_for(2.0, 0.004), room.air.speed_of_sound
     for k, heading in enumerate(scan.headings):
-        expected = trace_row(scan.ping(k).signal(2 * cells.reach / speed).envelope(), speed, cells)
-        np.testing.assert_array_equal(predicted_row(scan, heading + 1e-4 - math.tau, cells), expected)
+        expected = pictures.trace_row(scan.ping(k).signal(2 * cells.reach / speed).envelope(), speed, cells)
+        np.testing.assert_array_equal(pictures.predicted_row(scan, heading + 1e-4 - math.tau, cells), expected)
 
 
 def test_the_newest_reading_lies_at_its_heading_in_the_room() -> None:
-    cells, paper = cells_for(3.0, 0.004), load_board("paper")
-    rows = newest_by_heading([reading(0, 350.0, spike(1.0))], paper, math.radians(30.0))
-    bscan = bscan_of({key: trace_row(one.trace, SPEED, cells) for key, one in rows.items() if one.trace}, cells)
+    cells, paper = pictures.cells_for(3.0, 0.004), load_board("paper")
+    rows = pictures.newest_by_heading([reading(0, 350.0, spike(1.0))], paper, math.radians(30.0))
+    bscan = pictures.bscan_of(
+        {key: pictures.trace_row(one.trace, SPEED, cells) for key, one in rows.items() if one.trace}, cells
+    )
     assert np.degrees(bscan.headings) == pytest.approx([20.0])
     assert [bscan.row_at(math.radians(degrees)) for degrees in (20.0, 380.0, 200.0)] == [0, 0, None]
     old, new = reading(0, 90.0), reading(7, 90.0)
-    assert newest_by_heading([old, reading(3, 180.0), new], paper, 0.0)[heading_key(math.pi / 2)] is new
+    assert (
+        pictures.newest_by_heading([old, reading(3, 180.0), new], paper, 0.0)[pictures.heading_key(math.pi / 2)] is new
+    )
 
 
 def test_each_heading_has_the_nearest_of_many_rows_and_a_point_the_level_of_its_cell() -> None:
     headings = np.radians([5.0, 100.0, 200.0, 280.0, 355.0])
-    scan = BScan(headings, RangeCells(0.1, 3), np.ones((5, 3)), math.radians(10.0))
+    scan = pictures.BScan(headings, pictures.RangeCells(0.1, 3), np.ones((5, 3)), math.radians(10.0))
     degrees = [[-4.0, 356.0, -359.0, 1.0, 6.0], [96.0, 104.0, 198.0, 284.0, 160.0]]
     assert scan.rows_at(np.radians(degrees[0])).tolist() == [4, 4, 0, 0, 0]
     assert scan.rows_at(np.radians(degrees[1])).tolist() == [1, 1, 2, 3, -1]
     levels = np.array([[0.1, 0.2, 0.3, math.nan], [0.5, 0.6, 0.7, 0.8]])
-    scan = BScan(np.radians([10.0, 100.0]), RangeCells(0.5, 4), levels, math.radians(6.0))
+    scan = pictures.BScan(np.radians([10.0, 100.0]), pictures.RangeCells(0.5, 4), levels, math.radians(6.0))
     assert scan.cells.reach == 2.0
     for degree, distance, level in (
         *((12.0, 0.6, 0.2), (100.0 - 360.0, 0.0, 0.5), (100.0, 1.99, 0.8)),
@@ -147,24 +126,24 @@ def test_each_heading_has_the_nearest_of_many_rows_and_a_point_the_level_of_its_
 
 
 def test_the_difference_is_in_decibels_limited_by_the_floor_and_only_where_both_are_known() -> None:
-    cells = RangeCells(0.1, 3)
-    measured = BScan(np.array([1.0, 2.0]), cells, np.array([[0.1, 1e-5, np.nan], [1.0, 1.0, 1.0]]), 0.1)
-    predicted = BScan(np.array([1.02]), cells, np.array([[0.01, 1e-4, 0.5]]), 0.1)
-    result = difference(measured, predicted, -40.0)
+    cells = pictures.RangeCells(0.1, 3)
+    measured = pictures.BScan(np.array([1.0, 2.0]), cells, np.array([[0.1, 1e-5, np.nan], [1.0, 1.0, 1.0]]), 0.1)
+    predicted = pictures.BScan(np.array([1.02]), cells, np.array([[0.01, 1e-4, 0.5]]), 0.1)
+    result = pictures.difference(measured, predicted, -40.0)
     assert result.headings.tolist() == [1.0]
     np.testing.assert_allclose(result.levels, [[20.0, 0.0, np.nan]])
-    np.testing.assert_allclose(difference(measured, predicted, None).levels[0, :2], [0.09, -9e-5])
+    np.testing.assert_allclose(pictures.difference(measured, predicted, None).levels[0, :2], [0.09, -9e-5])
 
 
 # pictures of a B-scan
 
 
 def test_missing_headings_are_gaps_and_other_headings_are_contiguous() -> None:
-    cells = RangeCells(0.1, 10)
+    cells = pictures.RangeCells(0.1, 10)
     degrees = [d for d in range(0, 360, 5) if d not in (100, 105)]
-    bscan = bscan_of({heading_key(math.radians(d)): np.ones(10) for d in degrees}, cells)
-    drawn = draw_bscan(bscan, BLACK, None, polar=None)[:, :, 3].T > 0
-    left, _, width, _ = flat_area(cells)
+    bscan = pictures.bscan_of({pictures.heading_key(math.radians(d)): np.ones(10) for d in degrees}, cells)
+    drawn = traces.draw_bscan(bscan, BLACK, None, polar=None)[:, :, 3].T > 0
+    left, _, width, _ = traces.flat_area(cells)
     at = left + (np.arange(len(drawn)) + 0.5) / len(drawn) * width
     assert not drawn[(at > 98) & (at < 107)].any()
     assert drawn[(at < 97) | (at > 108)].all()
@@ -173,10 +152,13 @@ def test_missing_headings_are_gaps_and_other_headings_are_contiguous() -> None:
 @pytest.mark.parametrize("mount", [Mount(), Mount(ahead=0.1, aside=0.2, separation=0.04)])
 @pytest.mark.parametrize("degrees", [0.0, 60.0, 135.0, 290.0])
 def test_a_polar_picture_shows_an_echo_in_front_of_the_transducer_at_its_range(degrees: float, mount: Mount) -> None:
-    cells, middle, along = cells_for(2.0, 0.004), (0.5, -0.25), math.radians(degrees)
-    bscan = bscan_of({heading_key(along): echo_row([1.0], cells)}, cells)
-    polar = Arm(*arm(replace(load_board("polaroid-6500"), mount=mount)))
-    pixels, (left, bottom, width, height) = draw_bscan(bscan, BLACK, None, polar), polar_area(cells, middle, polar)
+    cells, middle, along = pictures.cells_for(2.0, 0.004), (0.5, -0.25), math.radians(degrees)
+    bscan = pictures.bscan_of({pictures.heading_key(along): pictures.echo_row([1.0], cells)}, cells)
+    polar = traces.Arm(*arm(replace(load_board("polaroid-6500"), mount=mount)))
+    pixels, (left, bottom, width, height) = (
+        traces.draw_bscan(bscan, BLACK, None, polar),
+        traces.polar_area(cells, middle, polar),
+    )
     rows, columns = np.nonzero(pixels[:, :, 3])
     x = float(left + (columns.mean() + 0.5) / pixels.shape[1] * width)
     y = float(bottom + (rows.mean() + 0.5) / pixels.shape[0] * height)
@@ -194,11 +176,11 @@ class Content:
     readings: tuple[Reading, ...]
     outline: PredictedScan
 
-    def slice(self, before: BScanRows | None = None) -> BScans:
-        settings = BScanSettings(tuple(Pane), polar=False, decibels=True)
-        return bscan_slice(self.scene, self.readings, self.outline, settings, LIGHT, before)
+    def slice(self, before: traces.BScanRows | None = None) -> traces.BScans:
+        settings = traces.BScanSettings(tuple(traces.Pane), polar=False, decibels=True)
+        return traces.bscan_slice(self.scene, self.readings, self.outline, settings, LIGHT, before)
 
-    def completed(self) -> BScans:
+    def completed(self) -> traces.BScans:
         """Compute slices until the B-scan is complete, as the window does."""
         answer = self.slice()
         while answer.rows.done < 1:
@@ -212,16 +194,14 @@ def content(scene: Scene) -> Content:
     return Content(scene, tuple(reading(k, 20.0 * k, spike(1.0)) for k in range(18)), outline)
 
 
-def test_slices_give_the_same_rows_as_single_predictions_and_only_what_changed_is_computed_again(
-    content: Content,
-) -> None:
+def test_slices_give_the_same_rows_as_single_predictions(content: Content) -> None:
     answer, first, outline = content.completed(), content.completed().rows, content.outline
     cells, speed = answer.rows.cells, content.scene.room.air.speed_of_sound
     np.testing.assert_allclose(answer.predicted.headings, outline.headings, atol=1e-9)
     for k, row in enumerate(answer.predicted.levels):
         envelope = outline.ping(k).signal(2 * cells.reach / SPEED).envelope()
-        np.testing.assert_allclose(row[:-1], trace_row(envelope, speed, cells)[:-1])
-    assert set(answer.pictures) == set(Pane)
+        np.testing.assert_allclose(row[:-1], pictures.trace_row(envelope, speed, cells)[:-1])
+    assert set(answer.pictures) == set(traces.Pane)
     another = (*content.readings[1:], reading(99, 0.0, spike(2.0)))
     again = replace(content, readings=another).slice(first).rows
     kept = [key for key in first.measured if again.measured[key][1] is first.measured[key][1]]
@@ -270,7 +250,7 @@ def predicted_of(scene: Scene) -> PredictedScan:
 
 def test_marks_gain_blanking_and_threshold_are_those_of_echo_receiver_and_board(before_a_wall: Scene) -> None:
     scene, board = before_a_wall, before_a_wall.board
-    trace = chosen_trace(scene, reading(0, 0.0), predicted_of(scene), 0)
+    trace = traces.chosen_trace(scene, reading(0, 0.0), predicted_of(scene), 0)
     (echo,) = [echo for echo in trace.echoes if echo.first]
     assert echo.time == pytest.approx(2 * DISTANCE / scene.room.air.speed_of_sound, rel=1e-6)
     envelope = trace.predicted.envelope
@@ -287,7 +267,9 @@ def test_marks_gain_blanking_and_threshold_are_those_of_echo_receiver_and_board(
         risen = trace.gain.times[1:][steps > 0].tolist()
         assert risen == [time for time in board.gain_steps if time < trace.gain.times[-1]]
     else:
-        curve = chosen_trace(replace(scene, board=replace(board, absorption=False)), reading(0, 0.0), None, 0).gain
+        curve = traces.chosen_trace(
+            replace(scene, board=replace(board, absorption=False)), reading(0, 0.0), None, 0
+        ).gain
         twice = np.interp(2 * curve.times[50], curve.times, curve.values) - curve.values[50]
         assert twice == pytest.approx(20 * math.log10(2), abs=0.01)
 
@@ -296,16 +278,18 @@ def test_a_carrier_is_predicted_at_the_sample_rate_of_the_measured_one(before_a_
     prediction = predicted_of(before_a_wall)
     samples = prediction.ping(0).signal(0.015).sampled()
     carried = Trace(samples, CONVERTER_RATE, 0.0, carrier=True)
-    trace = chosen_trace(before_a_wall, reading(0, 0.0, carried), prediction, 0)
+    trace = traces.chosen_trace(before_a_wall, reading(0, 0.0, carried), prediction, 0)
     assert trace.predicted.undersampled
     count = min(len(samples), len(trace.predicted.rf.values))
     np.testing.assert_array_equal(trace.predicted.rf.values[:count], trace.measured.rf.values[:count])
     envelope, heard = trace.predicted.envelope, trace.measured.envelope
     loud = (envelope.values > -20) & (envelope.times > 0.004)
     assert np.abs(np.interp(envelope.times, heard.times, heard.values) - envelope.values)[loud].max() < 3.0
-    fast = chosen_trace(before_a_wall, reading(0, 0.0, Trace(np.zeros(4000), 400e3, 0.0, carrier=True)), prediction, 0)
+    fast = traces.chosen_trace(
+        before_a_wall, reading(0, 0.0, Trace(np.zeros(4000), 400e3, 0.0, carrier=True)), prediction, 0
+    )
     assert (fast.predicted.undersampled, fast.predicted.rate) == (False, 400e3)
-    plain = chosen_trace(before_a_wall, reading(0, 0.0, Trace(np.zeros(500), 50e3, 0.0)), prediction, 0)
+    plain = traces.chosen_trace(before_a_wall, reading(0, 0.0, Trace(np.zeros(500), 50e3, 0.0)), prediction, 0)
     assert plain.measured.rf is None
     assert plain.predicted.rate >= 5 * before_a_wall.board.frequency
     assert plain.duration == pytest.approx(499 / 50e3)

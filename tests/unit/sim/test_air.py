@@ -15,9 +15,7 @@ from sonarhw_sim.air import Air, absorption
         (30, 0.5, 50e3, 1.8935),
     ],
 )
-def test_absorption_agrees_with_the_standard(
-    temperature: float, humidity: float, frequency: float, loss: float
-) -> None:
+def test_absorption_is_that_of_iso_9613(temperature: float, humidity: float, frequency: float, loss: float) -> None:
     assert absorption(frequency, Air(temperature, humidity)) == pytest.approx(loss, rel=2e-3)
 
 

@@ -261,9 +261,7 @@ def test_too_many_walls_are_refused_in_bounded_memory() -> None:
         (b"name = 'x'\n# \xe9\n", "not UTF-8 text (byte 0xe9 in line 2)"),
     ],
 )
-def test_other_contents_are_one_line(
-    tmp_path: Path, load: Callable[[str], object], content: bytes, message: str
-) -> None:
+def test_other_contents(tmp_path: Path, load: Callable[[str], object], content: bytes, message: str) -> None:
     (tmp_path / "own.toml").write_bytes(content)
     with pytest.raises(InputError) as refused:
         load(str(tmp_path / "own.toml"))

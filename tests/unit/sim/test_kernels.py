@@ -95,9 +95,7 @@ def _use(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize(("room_name", "place_name"), [("laboratory", "bench"), ("doorstep", "robot")])
 @pytest.mark.parametrize("count", [3])
-def test_paths_and_readings_are_the_same_bit_for_bit_on_any_number_of_cores(
-    room_name: str, place_name: str, count: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_any_cores_same_bits(room_name: str, place_name: str, count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     room, board = load_room(room_name), replace(load_board("polaroid-6500"), max_range=6.0)
 
     def scan() -> PredictedScan:

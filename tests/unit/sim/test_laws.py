@@ -200,11 +200,7 @@ def _mapped(furnished: Furnished, motion: Callable[[Floats], Floats]) -> Furnish
 def test_an_additional_wall_adds_only_its_own_paths(furnished: Furnished) -> None:
     room = furnished.room
     plate = len(furnished.walls) - 1
-    fewer = replace(
-        furnished,
-        walls=furnished.walls[:plate],
-        reflectances=np.delete(furnished.reflectances, plate),
-    )
+    fewer = replace(furnished, walls=furnished.walls[:plate], reflectances=np.delete(furnished.reflectances, plate))
     paths = furnished.search()
     own = [room.names[plate] in "/".join(paths.via(path, room)).split("/") for path in range(len(paths))]
     others = paths.select(np.flatnonzero(~np.array(own, dtype=np.bool_) & ~by_posts(paths, furnished)))

@@ -244,16 +244,9 @@ def across(ahead: float, low_mm: float, high_mm: float) -> tuple[float, float, f
 
 
 @pytest.mark.parametrize(
-    ("walls", "posts"),
-    [
-        ([], [(0.25, 0.0, 0.0015)]),
-        ([across(0.25, -5, 5)], []),
-        ([across(0.4, 6, 26)], []),
-    ],
+    ("walls", "posts"), [([], [(0.25, 0.0, 0.0015)]), ([across(0.25, -5, 5)], []), ([across(0.4, 6, 26)], [])]
 )
-def test_a_wall_past_posts_and_strips_is_as_loud_as_the_wave(
-    walls: Walls, posts: list[tuple[float, float, float]]
-) -> None:
+def test_a_wall_past_posts_is_as_loud_as_the_wave(walls: Walls, posts: list[tuple[float, float, float]]) -> None:
     scene = RigidScene([[wall[:2], wall[2:]] for wall in walls], posts, mirror=1.0)
     assert past(walls, posts) == pytest.approx(level_of_wall(scene), abs=1.0)
 
@@ -502,9 +495,7 @@ def test_sound_by_a_small_thing_comes_back_at_its_distance_and_is_the_same_in_re
 @pytest.mark.parametrize(
     ("chain", "openings"), [(TRAY, ()), ([(0.01, 0.0), (0.01, -0.06), (-0.01, -0.06), (-0.01, 0.0)], ((-0.01, 0.01),))]
 )
-def test_small_things_return_the_same_by_waves_from_their_middle_as_by_each_wall(
-    chain: Chain, openings: tuple[tuple[float, float], ...]
-) -> None:
+def test_small_things_return_the_same_by_each_wall(chain: Chain, openings: tuple[tuple[float, float], ...]) -> None:
     middle = np.zeros(2) if openings else np.mean(chain, axis=0)
     walls = tuple(tuple(np.subtract(wall, [*middle, *middle]).tolist()) for wall in walls_of([chain]))
     by_waves, by_walls = (SmallWalls(walls, WAVE, openings, bool(openings)) for _ in range(2))

@@ -7,15 +7,8 @@ from statistics import NormalDist, median
 import numpy as np
 import pytest
 from sonarhw_sim.board.profile import Board, load_board
+from sonarhw_sim.predict import probability
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.predict.probability import (
-    PossibleReading,
-    median_chances,
-    median_spread,
-    possible_readings,
-    range_chances,
-    scan_with_fainter_paths,
-)
 from sonarhw_sim.predict.room_echoes import EXACT, RoomEchoes
 from sonarhw_sim.room.room import Place, Room, parse_room
 
@@ -55,9 +48,11 @@ def board(name: str = "paper", **values: float) -> Board:
     return replace(load_board(name), **({"threshold_sd_db": 2.0} | values))
 
 
-def outcomes(where: Room, which: Board, pings: int = 1, tolerance: float = 0.0) -> tuple[PossibleReading, ...]:
-    scan = scan_with_fainter_paths(where, HERE, which, AHEAD)
-    return possible_readings(scan, 0, pings, tolerance)
+def outcomes(
+    where: Room, which: Board, pings: int = 1, tolerance: float = 0.0
+) -> tuple[probability.PossibleReading, ...]:
+    scan = probability.scan_with_fainter_paths(where, HERE, which, AHEAD)
+    return probability.possible_readings(scan, 0, pings, tolerance)
 
 
 @pytest.mark.parametrize("over", [-3.0, 0.5])
@@ -95,15 +90,15 @@ def test_median_of_three_outcomes_against_every_sequence_of_pings() -> None:
     expected = np.zeros(3)
     for sequence in np.ndindex(3, 3, 3, 3, 3):
         expected[int(median(sequence))] += math.prod(chances[k] for k in sequence)
-    assert median_chances(chances, 5) == pytest.approx(expected, abs=1e-12)
+    assert probability.median_chances(chances, 5) == pytest.approx(expected, abs=1e-12)
 
 
 def test_spread_of_a_median() -> None:
-    assert median_spread(1) == 1.0
+    assert probability.median_spread(1) == 1.0
     # 1 − √3/π, the variance of the median of three
-    assert median_spread(3) ** 2 == pytest.approx(1 - math.sqrt(3) / math.pi, rel=2e-3)
+    assert probability.median_spread(3) ** 2 == pytest.approx(1 - math.sqrt(3) / math.pi, rel=2e-3)
     drawn = np.median(np.random.default_rng(1).standard_normal((200_000, 5)), axis=1)
-    assert median_spread(5) == pytest.approx(float(drawn.std()), rel=0.01)
+    assert probability.median_spread(5) == pytest.approx(float(drawn.std()), rel=0.01)
 
 
 @pytest.mark.parametrize("name", ["paper", "polaroid-6500"])
@@ -129,14 +124,14 @@ def test_pings_of_the_fake_have_these_probabilities(name: str) -> None:
 
 def test_walls_add_their_tolerance_to_the_spread() -> None:
     (wall, _) = outcomes(room(), board(threshold_db=-20.0, range_sd=0.003), 5, 0.005)
-    assert wall.spread == pytest.approx(math.hypot(0.003 * median_spread(5), 0.005), rel=1e-6)
+    assert wall.spread == pytest.approx(math.hypot(0.003 * probability.median_spread(5), 0.005), rel=1e-6)
 
 
 def test_ranges_of_an_outcome_add_up_and_are_whole_multiples_of_the_rounding() -> None:
     rounded = replace(load_board("lego-nxt"), rounding=0.01)
-    found = dict(range_chances(PossibleReading(0.8, 1.234, 0.006, 0), rounded))
+    found = dict(probability.range_chances(probability.PossibleReading(0.8, 1.234, 0.006, 0), rounded))
     assert sum(found.values()) == pytest.approx(0.8)
     assert found[1.23] == pytest.approx(0.8 * (PHI(0.001 / 0.006) - PHI(-0.009 / 0.006)), rel=2e-3)
     exact = replace(load_board("paper"), rounding=0.0)
-    assert dict(range_chances(PossibleReading(0.8, 1.234, 0.0, 0), exact)) == {1.234: 0.8}
-    assert dict(range_chances(PossibleReading(0.2, None, 0.0, -1), exact)) == {None: 0.2}
+    assert dict(probability.range_chances(probability.PossibleReading(0.8, 1.234, 0.0, 0), exact)) == {1.234: 0.8}
+    assert dict(probability.range_chances(probability.PossibleReading(0.2, None, 0.0, -1), exact)) == {None: 0.2}

@@ -10,32 +10,7 @@ from hypothesis import strategies as st
 from scipy.signal import fftconvolve
 from scipy.special import j1, jv
 from sonarhw_sim.air import Air, Receiver, Unit, absorption
-from sonarhw_sim.board.beam import (
-    beam_gain,
-    burst_loss,
-    convolved,
-    disc_factor,
-    disc_slope,
-    far_field,
-    impulse_response,
-    square_burst,
-)
-from sonarhw_sim.board.profile import (
-    Board,
-    Mount,
-    largest_gain,
-    load_board,
-    path_loss_db,
-    stepped_gain_db,
-    uncompensated_db,
-)
-from sonarhw_sim.board.receiver import (
-    Sound,
-    counted_time,
-    detect_echoes,
-    echo_times,
-    first_echoes,
-)
+from sonarhw_sim.board import beam, profile, receiver
 from sonarhw_sim.board.signal import RATE, Arrivals, Noise, burst_of, pulse_table, pulses, received
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
 from sonarhw_sim.room.room import load_room
@@ -48,7 +23,7 @@ SPEED = 343.987
 CYCLE = 1 / 49412.0
 
 
-BOARD = load_board("polaroid-6500")
+BOARD = profile.load_board("polaroid-6500")
 
 
 LEVEL = replace(BOARD, gain_steps=())  # the ideal gain
@@ -67,8 +42,10 @@ def walls(*ranges_and_levels: tuple[float, float]) -> Arrivals:
     return Arrivals(2 * ranges / SPEED, 10 ** (levels / 20), ahead, ahead)
 
 
-def detected_ranges(board: Board, *ranges_and_levels: tuple[float, float]) -> FloatArray:
-    return counted_time(detect_echoes(walls(*ranges_and_levels), board, SPEED).times, board) * SPEED / 2
+def detected_ranges(board: profile.Board, *ranges_and_levels: tuple[float, float]) -> FloatArray:
+    return (
+        receiver.counted_time(receiver.detect_echoes(walls(*ranges_and_levels), board, SPEED).times, board) * SPEED / 2
+    )
 
 
 wall_scenes = st.lists(
@@ -87,7 +64,7 @@ def test_with_ideal_gain_and_no_integration_both_receivers_agree(scene: list[tup
     assert len(detected) >= len(loud)
     if loud:
         assert detected[0] == pytest.approx(loud[0], abs=2 * CYCLE * SPEED / 2)
-        winner = detect_echoes(walls(*apart), PAPERLIKE, SPEED).winner
+        winner = receiver.detect_echoes(walls(*apart), PAPERLIKE, SPEED).winner
         assert apart[winner][0] == loud[0]
     else:
         assert len(detected) == 0
@@ -111,7 +88,7 @@ def test_range_is_that_of_a_rectifier_and_a_capacitor_on_the_rf_signal() -> None
     full = charged(lone, math.inf) / 1e9 * 10 ** (LEVEL.threshold_db / 20)
     blanked = math.ceil(LEVEL.blanking * rate)
     expected = (blanked + charged(signal[blanked:], full)) / rate
-    assert detect_echoes(arrivals, LEVEL, SPEED).times[0] == pytest.approx(expected, abs=CYCLE / 2)
+    assert receiver.detect_echoes(arrivals, LEVEL, SPEED).times[0] == pytest.approx(expected, abs=CYCLE / 2)
 
 
 def test_echo_within_blanking_is_ignored_and_one_that_continues_is_detected_at_its_end() -> None:
@@ -121,7 +98,7 @@ def test_echo_within_blanking_is_ignored_and_one_that_continues_is_detected_at_i
 
 
 def test_next_echo_is_detected_only_after_re_arming() -> None:
-    detected = detect_echoes(walls((1.0, -20.0), (1.04, -20.0), (1.3, -20.0)), LEVEL, SPEED).times
+    detected = receiver.detect_echoes(walls((1.0, -20.0), (1.04, -20.0), (1.3, -20.0)), LEVEL, SPEED).times
     assert np.diff(detected).min() >= LEVEL.rearm
     assert len(detected_ranges(replace(LEVEL, rearm=0.02), (1.0, -20.0), (2.0, -20.0))) == 1
 
@@ -132,7 +109,7 @@ def test_wrong_clock_scales_ranges_and_blanking(error: float) -> None:
     exact = detected_ranges(LEVEL, (3.0, -10.0))[0]
     assert detected_ranges(board, (3.0, -10.0))[0] == pytest.approx(exact * (1 + error), rel=1e-9)
     # a strong echo that continues after blanking is detected at its end
-    found = detect_echoes(walls((0.38, 0.0)), board, SPEED).times[0]
+    found = receiver.detect_echoes(walls((0.38, 0.0)), board, SPEED).times[0]
     assert found == pytest.approx(LEVEL.blanking / (1 + error), abs=CYCLE)
 
 
@@ -140,26 +117,24 @@ def test_stepped_gain_differs_from_the_ideal_one_by_at_most_6_decibels_and_0_on_
     steps = BOARD.gain_steps
     times = np.linspace(steps[0], steps[-1], 20_000, endpoint=False)
     lengths = times * Air().speed_of_sound
-    off = stepped_gain_db(times, BOARD) - 20 * np.log10(lengths) - absorption(BOARD.frequency, Air()) * lengths
+    off = profile.stepped_gain_db(times, BOARD) - 20 * np.log10(lengths) - absorption(BOARD.frequency, Air()) * lengths
     assert off.mean() == pytest.approx(0, abs=0.01)
     assert np.abs(off).max() == pytest.approx(5.8, abs=0.1)
     assert np.abs(off[lengths / 2 > 0.5]).max() < 4
 
 
 def test_noise_alone_causes_echoes_without_a_winner() -> None:
-    detected = detect_echoes(walls(), LEVEL, SPEED, Noise(0.02, (1,)))
+    detected = receiver.detect_echoes(walls(), LEVEL, SPEED, Noise(0.02, (1,)))
     assert len(detected.times) > 0
     assert detected.winner == -1
 
 
 @pytest.mark.parametrize(("low", "high", "share"), [(0.0, 0.02, 0.5), (0.004, 0.019, 0.4), (0.009, 0.049, 0.025)])
-def test_without_integration_the_time_is_that_at_which_a_straight_line_meets_the_threshold(
-    low: float, high: float, share: float
-) -> None:
+def test_without_integration_a_line_meets_the_threshold(low: float, high: float, share: float) -> None:
     board = replace(PAPERLIKE, threshold_db=-40.0, blanking=0.0, blanking_inhibit=None)
     samples = np.zeros(1000, dtype=np.complex128)
     samples[500], samples[501] = low, high
-    assert echo_times(samples, board, SPEED)[0] * RATE == pytest.approx(500 + share)
+    assert receiver.echo_times(samples, board, SPEED)[0] * RATE == pytest.approx(500 + share)
 
 
 # The first echo: equal to that of the whole signal, which takes other kernels.
@@ -167,8 +142,8 @@ def test_without_integration_the_time_is_that_at_which_a_straight_line_meets_the
 
 BOARDS = {
     "6500": BOARD,
-    "chirp": load_board("polaroid-56"),
-    "two transducers": load_board("hc-sr04"),
+    "chirp": profile.load_board("polaroid-56"),
+    "two transducers": profile.load_board("hc-sr04"),
     "early": replace(BOARD, blanking_inhibit=0.7e-3),  # detects the end of its own burst
     "fast clock": replace(BOARD, clock_error=0.01, integration_cycles=0.0),
     "ringing": replace(BOARD, ring_cycles=11.0),
@@ -185,15 +160,15 @@ angles = st.floats(-math.pi, math.pi)
 scenes = st.lists(st.tuples(st.floats(0.05, 12.0), st.floats(-70, 6), angles, angles, angles), max_size=12)
 
 
-def sound_of(scene: list[tuple[float, float, float, float, float]]) -> Sound:
+def sound_of(scene: list[tuple[float, float, float, float, float]]) -> receiver.Sound:
     """Return sound of ranges (m), levels (dB), phases, departures and arrivals (rad)."""
     ranges, levels, phases, out, back = np.array(sorted(scene), dtype=np.float64).reshape(-1, 5).T
     leaving, arriving = (np.column_stack((np.cos(one), np.sin(one))) for one in (out, back))
     amplitudes = 10 ** (levels / 20) * np.exp(1j * phases)
-    return Sound(2 * ranges / SPEED, amplitudes, leaving, arriving, np.empty((0, 0), np.bool_))
+    return receiver.Sound(2 * ranges / SPEED, amplitudes, leaving, arriving, np.empty((0, 0), np.bool_))
 
 
-def arrivals_at(heading: float, sound: Sound) -> Arrivals:
+def arrivals_at(heading: float, sound: receiver.Sound) -> Arrivals:
     axis = np.array([math.cos(heading), math.sin(heading)])
     return Arrivals(sound.times, sound.amplitudes, sound.leaving @ axis, sound.arriving @ axis)
 
@@ -202,18 +177,18 @@ def arrivals_at(heading: float, sound: Sound) -> Arrivals:
 @settings(deadline=None, max_examples=8)
 @given(scene=scenes, headings=st.lists(angles, min_size=1, max_size=4))
 def test_first_echo_is_that_of_the_whole_signal(
-    board: Board, scene: list[tuple[float, float, float, float, float]], headings: list[float]
+    board: profile.Board, scene: list[tuple[float, float, float, float, float]], headings: list[float]
 ) -> None:
     sound = sound_of(scene)
-    times, winners = first_echoes(np.array(headings), sound, board, SPEED)
+    times, winners = receiver.first_echoes(np.array(headings), sound, board, SPEED)
     for heading, time, winner in zip(headings, times, winners, strict=True):
         # where a hundredth of a decibel decides between two echoes, either is right
         changes = (0.0, -0.01, 0.01)
         assert any(_is_first(time, winner, arrivals_at(heading, sound), board, change) for change in changes)
 
 
-def _is_first(time: float, winner: int, arrivals: Arrivals, board: Board, change: float) -> bool:
-    expected = detect_echoes(arrivals, replace(board, threshold_db=board.threshold_db + change), SPEED)
+def _is_first(time: float, winner: int, arrivals: Arrivals, board: profile.Board, change: float) -> bool:
+    expected = receiver.detect_echoes(arrivals, replace(board, threshold_db=board.threshold_db + change), SPEED)
     if not len(expected.times):
         return math.isnan(time)
     return abs(expected.times[0] - time) * SPEED / 2 < A_TENTH and winner == expected.winner
@@ -221,7 +196,7 @@ def _is_first(time: float, winner: int, arrivals: Arrivals, board: Board, change
 
 @pytest.mark.parametrize("name", ["polaroid-56", "hc-sr04"])
 def test_pulses_of_the_table_are_exact(name: str) -> None:
-    board, random = load_board(name), np.random.default_rng(1)
+    board, random = profile.load_board(name), np.random.default_rng(1)
     table, burst = pulse_table(board, SPEED), burst_of(board, SPEED)
     out, back = random.uniform(0, math.pi / 2, (2, 60))
     times = random.uniform(0, 1e-4, 60)
@@ -245,7 +220,7 @@ def _signed(angle: float, ka: float) -> float:
 @pytest.mark.parametrize(("unit", "ahead"), [(Unit.PASS, 0.0), (Unit.REFLECT, 0.0), (Unit.BLOCK, 0.1)])
 def test_ranges_of_a_scan_are_those_of_its_signals(unit: Unit, ahead: float) -> None:
     # with the face ahead of the axis, every heading has paths of its own
-    board = replace(BOARD, mount=Mount(ahead=ahead))
+    board = replace(BOARD, mount=profile.Mount(ahead=ahead))
     options = PredictionOptions(unit=unit, receiver=Receiver.BOARD, max_bounces=4)
     scan = predict_scan(ROOM, ROOM.places["figure9"], board, np.radians(np.arange(0.0, 360.0, 30.0)), options)
     assert (scan.winners >= 0).any()
@@ -259,7 +234,7 @@ def test_ranges_of_a_scan_are_those_of_its_signals(unit: Unit, ahead: float) -> 
 # Traces.
 
 
-CHIRP = load_board("polaroid-56")
+CHIRP = profile.load_board("polaroid-56")
 
 
 RINGING = replace(CHIRP, name="ringing", rise_cycles=2.0, ring_cycles=11.0)
@@ -274,12 +249,14 @@ def arrivals_of(*rows: tuple[float, float, float, float]) -> Arrivals:
     return Arrivals(times, amplitudes, np.cos(np.radians(leaving)), np.cos(np.radians(arriving)))
 
 
-def quiet(board: Board) -> Board:
+def quiet(board: profile.Board) -> profile.Board:
     """Return the board without its own burst in the receiver."""
     return replace(board, own_burst_db=-300.0)
 
 
-def slow_rf(board: Board, rows: list[tuple[float, float, float, float]], duration: float, rate: float) -> FloatArray:
+def slow_rf(
+    board: profile.Board, rows: list[tuple[float, float, float, float]], duration: float, rate: float
+) -> FloatArray:
     """Return the signal with its carrier, summed in time: drive, resonance twice, h_R twice, delay."""
     tau = board.rise_cycles / board.frequency
     t = np.arange(round(0.005 * FINE)) / FINE
@@ -306,7 +283,7 @@ def slow_rf(board: Board, rows: list[tuple[float, float, float, float]], duratio
                 continue
             half = math.ceil(board.aperture_radius * math.sin(math.radians(degrees)) / SPEED * FINE)
             times = np.arange(-half, half + 1) / FINE
-            response = impulse_response(times, math.radians(degrees), board.aperture_radius, SPEED) / FINE
+            response = beam.impulse_response(times, math.radians(degrees), board.aperture_radius, SPEED) / FINE
             pulse, start = fftconvolve(pulse, response), start - half / FINE
         first = round(start * FINE)
         fine[first : first + len(pulse)] += amplitude * pulse.real[: len(fine) - first]
@@ -324,7 +301,7 @@ def slow_rf(board: Board, rows: list[tuple[float, float, float, float]], duratio
     ],
     ids=["straight", "detected aside", "sent aside", "three"],
 )
-def test_signal_equals_the_slow_sum_in_time(board: Board, rows: list[tuple[float, float, float, float]]) -> None:
+def test_signal_equals_the_slow_sum(board: profile.Board, rows: list[tuple[float, float, float, float]]) -> None:
     expected = slow_rf(board, rows, 0.009, 1e6)
     signal = received(arrivals_of(*rows), quiet(board), SPEED, 0.009)
     assert signal.rf(1e6) == pytest.approx(expected, abs=0.02 * np.abs(expected).max())
@@ -343,7 +320,7 @@ CARRIER = 49412.0
 
 
 def decibels(angle_deg: float, ka: float) -> float:
-    return 20 * math.log10(float(beam_gain(np.array(math.radians(angle_deg)), ka)))
+    return 20 * math.log10(float(beam.beam_gain(np.array(math.radians(angle_deg)), ka)))
 
 
 @pytest.mark.parametrize(
@@ -358,13 +335,13 @@ def test_beam_is_that_of_a_piston(ka: float, at_3: float, at_6: float, at_12: fl
 @pytest.mark.parametrize("largest", [0.01, 1.0, 17.33, 300.0])
 def test_the_factor_of_a_disc_and_its_slope_are_those_of_bessel_functions(largest: float) -> None:
     x = np.linspace(-largest, largest, 4000).reshape(40, 100)
-    assert disc_factor(x) == pytest.approx(2 * j1(x) / x, abs=3e-15)
-    assert disc_slope(x) == pytest.approx(-2 * jv(2, x) / x, abs=3e-15)
+    assert beam.disc_factor(x) == pytest.approx(2 * j1(x) / x, abs=3e-15)
+    assert beam.disc_slope(x) == pytest.approx(-2 * jv(2, x) / x, abs=3e-15)
 
 
 def test_peak_of_a_square_burst_there_is_minus_20_and_its_energy_minus_28() -> None:
-    burst = square_burst(CARRIER, 16, 4e6)
-    peak, energy = burst_loss(np.radians([17.2]), burst, 4e6, RADIUS, IN_AIR, passes=2)
+    burst = beam.square_burst(CARRIER, 16, 4e6)
+    peak, energy = beam.burst_loss(np.radians([17.2]), burst, 4e6, RADIUS, IN_AIR, passes=2)
     assert 20 * math.log10(peak[0]) == pytest.approx(-20, abs=0.5)
     assert 20 * math.log10(energy[0]) == pytest.approx(-28, abs=0.5)
 
@@ -372,7 +349,7 @@ def test_peak_of_a_square_burst_there_is_minus_20_and_its_energy_minus_28() -> N
 @pytest.mark.parametrize("passes", [1, 2])
 def test_pulse_off_the_axis_is_the_convolution_with_h_r(passes: int) -> None:
     rate, angle = 20e6, math.radians(25)
-    pulse = square_burst(CARRIER, 16, rate).imag
+    pulse = beam.square_burst(CARRIER, 16, rate).imag
     crossing = RADIUS * math.sin(angle) / IN_AIR
     half = math.ceil(crossing * rate)
     # as printed: (2c cos α)/(π a sin α) √(1 − c²t²/(a² sin² α))
@@ -383,7 +360,7 @@ def test_pulse_off_the_axis_is_the_convolution_with_h_r(passes: int) -> None:
     for _ in range(passes):
         expected = fftconvolve(expected, printed) / rate
 
-    left, begin = convolved(pulse, rate, np.array([angle]), RADIUS, IN_AIR, passes)
+    left, begin = beam.convolved(pulse, rate, np.array([angle]), RADIUS, IN_AIR, passes)
     first = round((-passes * half / rate - begin) * rate)
     assert left[0, first : first + len(expected)].real == pytest.approx(expected, abs=2e-4)
     assert np.abs(left.imag).max() < 1e-12
@@ -391,7 +368,7 @@ def test_pulse_off_the_axis_is_the_convolution_with_h_r(passes: int) -> None:
 
 def test_far_field_is_where_a_piston_on_its_axis_is_within_a_decibel_of_it() -> None:
     wavelength = IN_AIR / CARRIER
-    z = far_field(RADIUS, wavelength)
+    z = beam.far_field(RADIUS, wavelength)
     k = 2 * math.pi / wavelength
     # exact on the axis, and its far field (Kinsler and Frey, §7.4)
     exact = abs(2 * math.sin(k / 2 * (math.hypot(z, RADIUS) - z)))
@@ -409,14 +386,14 @@ USUAL_AIR = Air()
 
 def test_without_absorption_a_path_loses_6_decibels_each_time_its_length_doubles() -> None:
     lengths = np.array([0.5, 1.0, 2.0, 4.0])
-    assert path_loss_db(lengths, FIXED) == pytest.approx(20 * math.log10(2) * np.array([-1, 0, 1, 2]))
-    assert uncompensated_db(lengths, FIXED, USUAL_AIR) == pytest.approx(path_loss_db(lengths, FIXED))
-    assert uncompensated_db(lengths, replace(FIXED, fixed_gain=False), USUAL_AIR) == pytest.approx(np.zeros(4))
+    assert profile.path_loss_db(lengths, FIXED) == pytest.approx(20 * math.log10(2) * np.array([-1, 0, 1, 2]))
+    assert profile.uncompensated_db(lengths, FIXED, USUAL_AIR) == pytest.approx(profile.path_loss_db(lengths, FIXED))
+    assert profile.uncompensated_db(lengths, replace(FIXED, fixed_gain=False), USUAL_AIR) == pytest.approx(np.zeros(4))
 
 
 @pytest.mark.parametrize("nearest", [0.1, 0.2, 0.3])
 def test_largest_gain_of_a_fixed_gain_is_that_of_the_first_echo_after_blanking(nearest: float) -> None:
     """Its path is there and back, and spreading divides the amplitude by the length in metres."""
     board = replace(FIXED, blanking=2 * nearest / USUAL_AIR.speed_of_sound)
-    assert largest_gain(board, USUAL_AIR, 8.0) == pytest.approx(1 / (2 * nearest))
-    assert largest_gain(replace(board, fixed_gain=False), USUAL_AIR, 8.0) == 1.0
+    assert profile.largest_gain(board, USUAL_AIR, 8.0) == pytest.approx(1 / (2 * nearest))
+    assert profile.largest_gain(replace(board, fixed_gain=False), USUAL_AIR, 8.0) == 1.0

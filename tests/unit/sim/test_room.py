@@ -16,14 +16,7 @@ from sonarhw_sim import check
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.check import check_room, plan_findings, reason_for_silence
-from sonarhw_sim.room.room import (
-    Place,
-    Room,
-    facets_of,
-    load_room,
-    parse_room,
-    room_names,
-)
+from sonarhw_sim.room.room import Place, Room, facets_of, load_room, parse_room, room_names
 from sonarhw_sim.room.room import with_material as with_one_material
 from sonarhw_sim.room.room_arrays import room_from_arrays
 from sonarhw_sim.room.room_writing import materials, with_air, with_place
@@ -130,9 +123,7 @@ def comments(text: str) -> list[str]:
 @pytest.mark.parametrize("path", ROOMS, ids=lambda path: path.stem)
 @settings(max_examples=3, deadline=None)
 @given(t=st.floats(-40, 60), h=SHARES, p=st.floats(30, 120), x=st.floats(50, 99), heading=st.floats(-360, 360))
-def test_every_example_room_reads_back_as_changed(
-    path: Path, t: float, h: float, p: float, x: float, heading: float
-) -> None:
+def test_example_rooms_read_back(path: Path, t: float, h: float, p: float, x: float, heading: float) -> None:
     room = load_room(path)
     place = Place("elsewhere", (x, -x), np.radians(heading))
     changed = with_place(with_air(room, Air(t, h, p)), place)
@@ -193,9 +184,7 @@ TABLED = room_with(f"table = [{ROWS}]\nscatter = 0.19")
         (85.0, 90e3, 0.6),
     ],
 )
-def test_values_are_interpolated_and_continue_beyond_the_ends(
-    degrees: float, frequency: float, expected: float
-) -> None:
+def test_values_are_interpolated(degrees: float, frequency: float, expected: float) -> None:
     at = TABLED.tables["foam"].at(np.radians([degrees]), np.array([frequency]))
     assert at == pytest.approx(np.array([[expected]]))
 

@@ -12,9 +12,7 @@ from sonarhw_sim.air import Receiver
 from sonarhw_sim.board.beam import beam_gain
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.board.signal import RATE, Arrivals, burst_of, pulses
-from sonarhw_sim.predict.predicted_scan import (
-    PredictedScan,
-)
+from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, search_for, weigh_paths
 from sonarhw_sim.rays.paths import PATCH, Paths, PathSearch, find_paths, scattered_paths
 from sonarhw_sim.room.room import Place, Room, parse_room

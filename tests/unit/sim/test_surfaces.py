@@ -15,15 +15,7 @@ from sonarhw_sim.rays.sequences import leg_is_free
 from sonarhw_sim.room import edges
 from sonarhw_sim.room.edges import _pairs_near, edges_on_walls, find_edges
 from sonarhw_sim.room.grid import lay_grid
-from sonarhw_sim.room.room import (
-    Enclosures,
-    Room,
-    find_enclosures,
-    inside,
-    load_room,
-    parse_room,
-    walls_enclose,
-)
+from sonarhw_sim.room.room import Enclosures, Room, find_enclosures, inside, load_room, parse_room, walls_enclose
 
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray

@@ -39,9 +39,7 @@ def whole_torn_and_copied(log: Path) -> list[Path]:
 
 
 @pytest.mark.parametrize("faults", FAULTS)
-def test_steps_lost_in_a_single_sweep_are_reported_after_its_last_reading_and_in_the_log(
-    faults: str, tmp_path: Path
-) -> None:
+def test_steps_lost_in_a_single_sweep_are_reported(faults: str, tmp_path: Path) -> None:
     path, bench = tmp_path / "scan.mcap", Bench(faulty(faults))
     with LogWriter(path, METADATA) as log:
         bench.session.recording.use(log)

@@ -95,9 +95,7 @@ def test_each_wiring_fault_of_a_fake_board_fails_its_check(fault: WiringFault, c
 
 
 @pytest.mark.parametrize(("fault", "checks", "advice"), ON_EMULATED, ids=names(ON_EMULATED))
-def test_each_wiring_fault_of_the_emulated_board_fails_its_check(
-    fault: WiringFault, checks: list[str], advice: str
-) -> None:
+def test_each_wiring_fault_fails_its_check(fault: WiringFault, checks: list[str], advice: str) -> None:
     # a fault that an earlier check finds needs no turntable
     needs_turntable = not checks or checks[0] == "zero" or checks[0] in TURNTABLE
     with emulated(fault) as url:

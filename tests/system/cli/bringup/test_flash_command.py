@@ -68,9 +68,7 @@ CHOSEN = ("--ranging", "hc-sr04", "--turning", "servo")
     ],
     ids=["mega", "uno", "nano", "as before", "silent"],
 )
-def test_a_board_is_written_verified_and_greeted(
-    firmware: str, board: dict[str, object], options: tuple[str, ...], image: str
-) -> None:
+def test_a_board_is_written(firmware: str, board: dict[str, object], options: tuple[str, ...], image: str) -> None:
     with bootloader_board(firmware, **board) as served:
         done = sonarhw("flash", served.port, *options)
         written = bytes_of(FOLDER / f"{image}.hex")
@@ -91,9 +89,7 @@ def test_a_board_is_written_verified_and_greeted(
         (("hc-sr04", "servo"), ("--ranging", "polaroid"), "no prebuilt firmware for uno-polaroid-servo"),
     ],
 )
-def test_parts_without_an_image_are_refused_before_anything_is_written(
-    before: tuple[str, str], options: tuple[str, ...], message: str, stand_in: Path
-) -> None:
+def test_parts_need_an_image(before: tuple[str, str], options: tuple[str, ...], message: str, stand_in: Path) -> None:
     with bootloader_board(OLD_UNO, chip="atmega328p", before=before) as board:
         done = sonarhw("flash", board.port, *options)
     assert done.returncode == 2

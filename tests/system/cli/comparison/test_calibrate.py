@@ -37,9 +37,7 @@ def calibrated(out: Path, *options: str) -> int:
         return run(["calibrate", endpoint.url, "--distance", str(DISTANCE), "--out", str(out), *options])
 
 
-def test_the_profile_contains_offset_and_home_angle_of_the_plate(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_profile_has_offset_and_home_angle(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "bench.toml"
     assert calibrated(out) == 0
     printed = capsys.readouterr().out
@@ -115,9 +113,7 @@ def test_a_plate_in_a_simulated_room_gives_right_values(tmp_path: Path, tilt: fl
     ],
     ids=["no plate", "too far", "too near", "tilt 12", "tilt 25", "tilt 40", "thin post", "post"],
 )
-def test_anything_but_a_plate_at_the_stated_distance_is_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], objects: str, seen: str
-) -> None:
+def test_no_plate_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], objects: str, seen: str) -> None:
     room, out = tmp_path / "room.toml", tmp_path / "bench.toml"
     room.write_text(ROOM + objects)
     url = f"fake:{room}?place=bench&pace=max&seed=1"
@@ -144,10 +140,7 @@ def test_clutter_of_a_laboratory_is_no_plate(
 
 @pytest.mark.parametrize(
     ("name", "trailing"),
-    [
-        ("bench", "[mount]\nahead = 0.01\n"),
-        ('a "quoted" back\\slash, an ä and a\n# new line', CHIRP),
-    ],
+    [("bench", "[mount]\nahead = 0.01\n"), ('a "quoted" back\\slash, an ä and a\n# new line', CHIRP)],
 )
 def test_keys_go_to_the_top_of_the_profile_and_any_name_is_valid(tmp_path: Path, trailing: str, name: str) -> None:
     given, out = tmp_path / "given.toml", tmp_path / f"{name}.toml"

@@ -74,9 +74,7 @@ def test_an_array_of_another_shape_is_refused(
     assert message in capsys.readouterr().err
 
 
-def test_traces_without_a_threshold_name_the_options_that_find_their_echoes(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_traces_without_a_threshold_name_the_options(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "raw.npy"
     np.save(file, np.tile(pulses()[0], (8, 1)))
     assert run(["import", str(file), "--rate", "100000", "--step", "5", "--out", str(tmp_path / "out.mcap")]) == 0

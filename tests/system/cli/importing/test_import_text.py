@@ -37,9 +37,7 @@ def means_of_five() -> str:
 
 
 @pytest.mark.parametrize(("unit", "options"), [("cm", ["--scale", "0.01"]), ("m", ["--scale", "1"])])
-def test_means_of_different_ranges_give_a_warning_and_are_left_out(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], unit: str, options: list[str]
-) -> None:
+def test_mixed_means_are_out(tmp_path: Path, capsys: pytest.CaptureFixture[str], unit: str, options: list[str]) -> None:
     text, silent = means_of_five(), "255"
     if unit == "m":
         rows = [line.split(",") for line in text.splitlines()[1:]]
@@ -60,9 +58,7 @@ def test_means_of_different_ranges_give_a_warning_and_are_left_out(
 
 @pytest.mark.skipif(not SCANS.is_dir(), reason="the real scans are not here")
 @pytest.mark.parametrize(("scan", "means"), [("K00", 30), ("G00", 0), ("M01", 0)])
-def test_one_team_recorded_means_of_five_pings(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], scan: str, means: int
-) -> None:
+def test_one_team_recorded_means(tmp_path: Path, capsys: pytest.CaptureFixture[str], scan: str, means: int) -> None:
     columns = ["--heading", "turret_deg", "--range", "range_cm", "--scale", "0.01", "--no-echo", "255"]
     file = SCANS / "other_sensors" / f"{scan}.csv"
     assert run(["import", str(file), "--out", str(tmp_path / "out.mcap"), *columns]) == 0
@@ -132,9 +128,7 @@ def test_each_reading_of_a_carmen_log_has_the_pose_of_the_odometry_at_its_time(t
         assert reading.pose == pytest.approx((x, 2.0, 0.1), abs=1e-6)
 
 
-def test_a_log_of_a_moving_robot_is_compared_where_its_readings_were_made(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_log_of_a_moving_robot_is_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert carmen(tmp_path, CARMEN.format(x="1.600"), "--no-echo", "5", "--room", "simple") == 0
     assert run(["compare", str(tmp_path / "out.mcap"), "--board", "hc-sr04", "--json", "--explain"]) == 0
     rows = json.loads(capsys.readouterr().out)["readings"]

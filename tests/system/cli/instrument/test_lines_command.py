@@ -30,9 +30,7 @@ RADAR_LINES = [b"%d,23\n" % abs(step) for step in range(-10, 10)]
 RADAR = SKETCHES["radar 15 to 165"]
 
 
-def test_a_scan_records_and_prints_a_sweep_and_reports_what_it_ignored(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_scan_reports_what_it_ignored(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log = tmp_path / "scan.mcap"
     with PrintingDevice(RADAR.rounds()) as device:
         assert run(["scan", f"lines:{device.port}?preset=arduino-radar", "--out", str(log), "--print"]) == 0
@@ -88,9 +86,7 @@ PRESETS = [(name, found[1]) for name, one in SKETCHES.items() if (found := re.se
 
 
 @pytest.mark.parametrize(("name", "preset"), PRESETS)
-def test_guess_proposes_a_url_that_works(
-    name: str, preset: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_guess_proposes_a_url(name: str, preset: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with PrintingDevice(SKETCHES[name].rounds()) as device:
         assert run(["ports", "--guess", "--json", device.port]) == 0
         (found,) = json.loads(capsys.readouterr().out)["ports"]
@@ -139,9 +135,7 @@ def test_guess_gives_the_url_with_each_answer(capsys: pytest.CaptureFixture[str]
     ]
 
 
-def test_guess_waits_for_a_device_that_prints_a_sweep_a_line(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_guess_waits_for_a_sweep_a_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(text_device, "LISTEN", 0.05)  # less than between two lines
     monkeypatch.setattr(text_device, "LISTEN_MORE", 0.05)
     sweeps = (b"SCAN:" + b",".join(b"%d" % (110 + (k * 7 + n) % 150) for k in range(37)) + b"\r\n" for n in range(9999))
@@ -153,9 +147,7 @@ def test_guess_waits_for_a_device_that_prints_a_sweep_a_line(
     assert "&step=DEGREES' --out scan.mcap" in printed.err
 
 
-def test_guess_proposes_a_pattern_to_complete_if_several_numbers_may_be_the_range(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_guess_leaves_a_pattern_open(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(text_device, "BAUDS", (9600,))
     angles = cycle([*range(0, 181, 3), *range(177, 0, -3)])
     lines = (b"angle:%d,left:%d,right:-1\n" % (a, 150 + a % 7) if a % 4 else b"" for a in angles)
@@ -173,9 +165,7 @@ def slowly(pieces: Iterable[bytes]) -> Iterator[bytes]:
         yield piece
 
 
-def test_a_scan_of_an_unknown_board_names_it_in_the_next_commands(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_scan_of_an_unknown_board_names_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log = tmp_path / "scan.mcap"
     with PrintingDevice(b"R%04d\r" % k for k in range(500, 5000)) as device:
         assert run(["scan", f"lines:{device.port}?preset=maxbotix&step=5", "--out", str(log)]) == 0
@@ -185,9 +175,7 @@ def test_a_scan_of_an_unknown_board_names_it_in_the_next_commands(
     assert f"then: sonarhw compare {log} --room room.toml --board hc-sr04, or sonarhw gui {log} --room" in err
 
 
-def test_guess_shows_other_text_and_silence(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_guess_shows_other_text(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(text_device, "BAUDS", (9600,))
     monkeypatch.setattr(text_device, "LISTEN", 0.5)
     clock = ReceivedClock(monkeypatch, 500)
@@ -203,9 +191,7 @@ def test_guess_shows_other_text_and_silence(
     assert "there is no such port" in capsys.readouterr().out
 
 
-def test_guess_listens_only_at_likely_or_named_ports(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_guess_listens_at_likely_ports(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr("sonarhw.link.serial_ports", lambda: [Port("/dev/ttyS0", "16550")])
     assert run(["ports", "--guess"]) == 0
     assert capsys.readouterr().out == "/dev/ttyS0  16550  not checked; name the port\n"
@@ -215,9 +201,7 @@ def test_guess_listens_only_at_likely_or_named_ports(
 SLOW = r"(?P<heading_deg>(\d+)+),(?P<range_cm>\d+)"
 
 
-def test_a_match_that_takes_too_long_skips_its_line_and_the_third_one_ends_the_scan(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_match_that_takes_too_long_skips_its_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     url, log = f"?pattern={quote(SLOW)}", tmp_path / "scan.mcap"
     slow = [b"1" * 40 + b"\n"]  # in the sweep down and in the sweep up: either may be the first whole one
     pieces = [*RADAR_LINES[:5], *slow, *RADAR_LINES[5:15], *slow, *RADAR_LINES[15:]] * 4
@@ -231,9 +215,7 @@ def test_a_match_that_takes_too_long_skips_its_line_and_the_third_one_ends_the_s
 
 
 @pytest.mark.parametrize("device", ["text", "frames"])
-def test_a_scan_whose_log_is_deleted_goes_on_in_the_folder_of_recordings(
-    device: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_scan_whose_log_is_deleted_goes_on(device: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
     log = tmp_path / "scan.mcap"
     with PrintingDevice(RADAR.rounds()) as printing, serve(FakeBoard(PlainEchoes()), tcp="127.0.0.1:0") as endpoint:

@@ -81,9 +81,7 @@ def test_sector_range_temperature_and_traces_reach_the_board(url: str, log: Path
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_an_interrupted_scan_stops_the_board_and_leaves_a_whole_log(
-    board: FakeBoard, log: Path, number: signal.Signals
-) -> None:
+def test_an_interrupted_scan_leaves_a_whole_log(board: FakeBoard, log: Path, number: signal.Signals) -> None:
     with serve(board, tcp="127.0.0.1:0", pace=5.0) as endpoint:
         with started("scan", endpoint.url, "--out", log, "--print", *ENDLESS) as process:
             lines(process, 6)
@@ -117,9 +115,7 @@ def test_a_lost_link_gives_an_error_of_one_line_and_a_whole_log(board: FakeBoard
         ("reset=0.1@r30", 20, 0, "30 of 72 angles, from 0° on, could not be checked for lost steps"),
     ],
 )
-def test_doubtful_angles_give_a_warning_of_every_command_that_reads_the_log(
-    faults: str, pace: Literal["max"] | float, status: int, message: str, log: Path
-) -> None:
+def test_doubtful_angles_warn(faults: str, pace: Literal["max"] | float, status: int, message: str, log: Path) -> None:
     with serve(faulty(faults), tcp="127.0.0.1:0", pace=pace) as endpoint:
         done = sonarhw("scan", endpoint.url, "--out", log)
     assert (done.returncode, done.stdout) == (status, "")
@@ -132,9 +128,7 @@ def test_doubtful_angles_give_a_warning_of_every_command_that_reads_the_log(
 
 
 @pytest.mark.parametrize("force", [(), ("--force",)])
-def test_a_scan_that_the_scanner_refuses_leaves_no_log_and_keeps_an_old_one(
-    force: tuple[str, ...], url: str, log: Path
-) -> None:
+def test_a_refused_scan_leaves_no_log_and_keeps_an_old_one(force: tuple[str, ...], url: str, log: Path) -> None:
     if force:
         log.write_bytes(b"precious")
     refused = sonarhw("scan", url, "--out", log, *force, "--step", "170", "--to", "900")
@@ -169,9 +163,7 @@ main()
 """
 
 
-def test_a_full_disk_ends_a_scan_with_an_error_of_one_line_and_keeps_the_written_readings(
-    url: str, board: FakeBoard, log: Path
-) -> None:
+def test_a_full_disk_ends_a_scan_and_keeps_its_readings(url: str, board: FakeBoard, log: Path) -> None:
     command = [sys.executable, "-c", SMALL_DISK, "scan", url, "--out", str(log), "--step", "1", "--print"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=HANG)
     wait_until(lambda: not board.busy)
@@ -197,9 +189,7 @@ class Interrupting(PlainEchoes):
         return super().receive(ping)
 
 
-def test_a_disk_too_small_for_the_scan_gives_a_warning_before_it_starts(
-    log: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_disk_too_small_for_the_scan_gives_a_warning(log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sonarhw.files.free_bytes", lambda _: 40_000_000)
     with serve(FakeBoard(Interrupting(), seed=2), tcp="127.0.0.1:0", pace=5.0) as endpoint:
         done = sonarhw("scan", endpoint.url, "--out", log, "--sweeps", "600", "--traces")

@@ -21,25 +21,8 @@ from sonarhw.device.emulated_board import emulated_board
 from sonarhw.errors import InputError
 from sonarhw.link import Link
 from sonarhw.readings import Origin, Ping, PingResult, origin_of
+from sonarhw.wire import messages as msg
 from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
-from sonarhw.wire.messages import (
-    Accepted,
-    AskStatistics,
-    Configure,
-    Finished,
-    Heartbeat,
-    Hello,
-    Info,
-    Outcome,
-    ReadingMessage,
-    Refused,
-    ResetCause,
-    SetBaud,
-    Settings,
-    Started,
-    StartScan,
-    Statistics,
-)
 from tests.contract.talk import Talk, readings
 from tests.fixtures.plain_echoes import PlainEchoes
 from tests.system.firmware.combinations.images import MEGA, UNO, budgets, vector
@@ -96,7 +79,7 @@ def test_as_fast_as_possible_the_board_does_not_give_up_a_host_that_sends_in_tim
         began = talk.received[-1].frame.time_us
         # sends every half second of real time; the firmware gives up after two seconds of its own time
         messages = talk.until(lambda _: talk.received[-1].frame.time_us > began + 2_500_000)
-    assert not any(isinstance(message, Refused) for message in messages)
+    assert not any(isinstance(message, msg.Refused) for message in messages)
 
 
 def test_pings_are_as_frequent_as_documented() -> None:
@@ -105,25 +88,25 @@ def test_pings_are_as_frequent_as_documented() -> None:
     with emulated_board(Echoes(0.020), pace=PACE) as board, Link(board.url) as link:
         talk = Talk(link)
         talk.greet()
-        talk.ask(SetBaud(1_000_000), Accepted)
+        talk.ask(msg.SetBaud(1_000_000), msg.Accepted)
         link.set_baud(1_000_000)
         talk.home()
         for listen, step, traces, documented in rows:
             for trace in [True, False][: len(traces.split(" or "))]:
-                talk.ask(Configure(round(float(listen) * 1000), 2_380, int(trace), 343_200), Settings)
+                talk.ask(msg.Configure(round(float(listen) * 1000), 2_380, int(trace), 343_200), msg.Settings)
                 # in board time, without host messages in between
-                fired = fire_times_without_host_messages(talk, StartScan(0, round(float(step) * 1e6), 9, 1, 1))
+                fired = fire_times_without_host_messages(talk, msg.StartScan(0, round(float(step) * 1e6), 9, 1, 1))
                 assert 1e6 / np.median(np.diff(fired)) == pytest.approx(float(documented), abs=0.1)
 
 
-def fire_times_without_host_messages(talk: Talk, order: StartScan) -> list[int]:
+def fire_times_without_host_messages(talk: Talk, order: msg.StartScan) -> list[int]:
     """Return the times of the pings of a scan, µs. Sends nothing meanwhile, so the scan must end within 2 s."""
     since = len(talk.received)
     talk.send(order)
     messages = talk.until(
-        lambda messages: any(isinstance(message, Finished) for message in messages), since, alive=False
+        lambda messages: any(isinstance(message, msg.Finished) for message in messages), since, alive=False
     )
-    assert [message.outcome for message in messages if isinstance(message, Finished)] == [Outcome.DONE]
+    assert [message.outcome for message in messages if isinstance(message, msg.Finished)] == [msg.Outcome.DONE]
     return [message.fired_us for message in readings(messages)]
 
 
@@ -152,13 +135,13 @@ def test_interrupt_handlers_stay_within_their_budgets() -> None:
 
 
 @pytest.mark.parametrize(
-    ("combination", "way", "cause"), [(MEGA, "reset", ResetCause.BUTTON), (UNO, "hang", ResetCause.WATCHDOG)]
+    ("combination", "way", "cause"), [(MEGA, "reset", msg.ResetCause.BUTTON), (UNO, "hang", msg.ResetCause.WATCHDOG)]
 )
-def test_a_scan_continues_after_a_reset_with_every_angle_once(combination: str, way: str, cause: ResetCause) -> None:
+def test_a_scan_continues_after_a_reset(combination: str, way: str, cause: msg.ResetCause) -> None:
     echoes = Mishap(0.020, before=3)
     with scanner_on(echoes, combination=combination) as (board, scanner):
         assert origin_of("scan", scanner.info.firmware, scanner.info.serial) is Origin.FAKE
-        assert scanner.device_statistics().reset_cause == ResetCause.POWER
+        assert scanner.device_statistics().reset_cause == msg.ResetCause.POWER
         echoes.act = getattr(board, way)
         readings = [*scanner.scan(sector(0, 40, 5))]
         assert (scanner.info.boot, scanner.device_statistics().reset_cause) == (2, cause)
@@ -183,10 +166,10 @@ def test_lost_received_bytes_are_counted_and_cause_no_error() -> None:
         talk = Talk(echoes.line)
         talk.greet()
         talk.home()
-        _, messages, finished = talk.act(StartScan(0, 1_000_000, 3, 1, 1))
-        assert finished.outcome == Outcome.DONE
-        assert sum(isinstance(message, ReadingMessage) for message in messages) == 3
-        assert talk.ask(AskStatistics(), Statistics).overruns >= 3 * (400 - 128)
+        _, messages, finished = talk.act(msg.StartScan(0, 1_000_000, 3, 1, 1))
+        assert finished.outcome == msg.Outcome.DONE
+        assert sum(isinstance(message, msg.ReadingMessage) for message in messages) == 3
+        assert talk.ask(msg.AskStatistics(), msg.Statistics).overruns >= 3 * (400 - 128)
 
 
 def test_a_host_that_never_pauses_delays_neither_heartbeats_nor_pings() -> None:
@@ -194,13 +177,13 @@ def test_a_host_that_never_pauses_delays_neither_heartbeats_nor_pings() -> None:
         talk = Talk(link)
         talk.greet()
         talk.home()
-        talk.ask(StartScan(0, 1_000_000, 700, 1, 1), Started)
+        talk.ask(msg.StartScan(0, 1_000_000, 700, 1, 1), msg.Started)
         since, began = len(talk.received), talk.received[-1].frame.time_us
         ended = threading.Event()
 
         def chatter() -> None:
             while not ended.is_set():
-                talk.send(AskStatistics())
+                talk.send(msg.AskStatistics())
 
         writer = threading.Thread(target=chatter)
         writer.start()
@@ -210,13 +193,13 @@ def test_a_host_that_never_pauses_delays_neither_heartbeats_nor_pings() -> None:
             ended.set()
             writer.join()
         received = talk.received[since:]
-        beats = [item.frame.time_us for item in received if isinstance(item.message, Heartbeat)]
+        beats = [item.frame.time_us for item in received if isinstance(item.message, msg.Heartbeat)]
         # a ping listens for 65 ms, and the board sends nothing meanwhile
         assert len(beats) >= 14
         assert max(later - earlier for earlier, later in pairwise(beats)) < 350_000
-        assert sum(isinstance(item.message, ReadingMessage) for item in received) >= 25
-        statistics = [item.message for item in received if isinstance(item.message, Statistics)]
-        assert {one.reset_cause for one in statistics} == {ResetCause.POWER}
+        assert sum(isinstance(item.message, msg.ReadingMessage) for item in received) >= 25
+        statistics = [item.message for item in received if isinstance(item.message, msg.Statistics)]
+        assert {one.reset_cause for one in statistics} == {msg.ResetCause.POWER}
         # the line was full: the board could not keep all bytes
         assert statistics[-1].overruns > 1000
 
@@ -235,7 +218,7 @@ def test_a_failing_echo_source_ends_the_board_and_its_error_is_raised() -> None:
             talk = Talk(link)
             talk.greet()
             talk.home()
-            talk.send(StartScan(0, 1_000_000, 3, 1, 1))
+            talk.send(msg.StartScan(0, 1_000_000, 3, 1, 1))
         assert board.wait() == 0
 
 
@@ -253,14 +236,14 @@ def test_a_client_that_never_sets_the_speed_of_the_terminal_gets_answers() -> No
     with emulated_board(Echoes(), pace=PACE) as board:
         terminal = os.open(board.url, os.O_RDWR | os.O_NOCTTY)
         try:
-            os.write(terminal, encode_frame(Frame(Hello.TYPE, 1, 0, Hello(1, 0).pack())))
+            os.write(terminal, encode_frame(Frame(msg.Hello.TYPE, 1, 0, msg.Hello(1, 0).pack())))
             received = b""
             while not received.endswith(b"\0"):
                 received += os.read(terminal, 100)
         finally:
             os.close(terminal)
         frame = next(FrameDecoder().feed(received))
-        assert frame.type == Info.TYPE
+        assert frame.type == msg.Info.TYPE
 
 
 def test_the_link_to_the_terminal_replaces_and_removes_nothing_of_the_user(tmp_path: Path) -> None:

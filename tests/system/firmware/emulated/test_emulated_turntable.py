@@ -115,9 +115,7 @@ def test_a_table_near_zero_homes_without_a_cam(combination: str, start: float) -
 
 # the state of the turntable is the same code on both chips; the test above homes an Uno too
 @pytest.mark.parametrize("combination", [MEGA, pytest.param(UNO, marks=pytest.mark.soak)])
-def test_all_around_is_scanned_and_a_power_failure_anywhere_winds_the_cable_no_further(
-    combination: str, tmp_path: Path
-) -> None:
+def test_all_around_is_scanned_after_a_power_failure_anywhere(combination: str, tmp_path: Path) -> None:
     options = {"combination": combination, "eeprom": tmp_path / "eeprom", "miswire": WiringFault.CAM_OPEN}
     echoes = Echoes(0.020)
     with scanner_on(echoes, start_deg=5, **options) as (_, scanner):
@@ -141,9 +139,7 @@ def test_all_around_is_scanned_and_a_power_failure_anywhere_winds_the_cable_no_f
         (MEGA, WiringFault.MOTOR_REVERSED, "moved the wrong way; invert the mark or the motor"),
     ],
 )
-def test_a_wrong_wire_is_named_and_home_returns_to_where_it_began(
-    combination: str, fault: WiringFault, text: str
-) -> None:
+def test_a_wrong_wire_is_named_and_home_returns(combination: str, fault: WiringFault, text: str) -> None:
     echoes = Echoes(0.020)
     with scanner_on(echoes, combination=combination, start_deg=30, miswire=fault) as (_, scanner):
         choose_one_switch(scanner)

@@ -141,9 +141,7 @@ def assert_equal(one: Log, other: Log) -> None:
 
 
 @pytest.mark.parametrize("name", CONVERSATIONS)
-def test_the_index_and_the_frames_of_a_healthy_file_give_the_same_scans(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_index_and_frames_give_the_same_scans(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path, (frames, numbers) = tmp_path / "scan.mcap", CONVERSATIONS[name]
     record(path, frames())
     log = read_log(path)

@@ -14,34 +14,16 @@ from sonarhw.host.scripts import scanning
 from sonarhw.log import Log, LogMetadata, read_log
 from sonarhw.log.writer import write_scan
 from sonarhw.readings import Origin, Reading, origin_of
+from sonarhw.wire import messages as msg
 from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
-from sonarhw.wire.messages import (
-    Accepted,
-    Configure,
-    Finished,
-    Heartbeat,
-    Hello,
-    Home,
-    Info,
-    Outcome,
-    ReadingMessage,
-    Refusal,
-    Refused,
-    Settings,
-    Started,
-    StartScan,
-    State,
-    Stop,
-    TraceChunk,
-)
 from sonarhw.wire.readings_of_frames import ReadingAssembler
 from tests.contract.talk import DirectLine, Talk, readings
 from tests.fixtures.bench import Bench, unchanged
 from tests.fixtures.example_logs import METADATA, STARTED, assert_readings_close, example_reading, write_example
 
 COUNT = 12
-CONFIGURE = Configure(listen_us=1000, blanking_us=0, trace=0, speed_of_sound=1)
-SCAN = StartScan(0, 5_000_000, COUNT, 1, 1)
+CONFIGURE = msg.Configure(listen_us=1000, blanking_us=0, trace=0, speed_of_sound=1)
+SCAN = msg.StartScan(0, 5_000_000, COUNT, 1, 1)
 
 
 @pytest.fixture(scope="module")
@@ -51,22 +33,22 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Log:
     return read_log(path)
 
 
-def greeted(device: ReplayDevice, configure: Configure | None = CONFIGURE) -> Talk:
+def greeted(device: ReplayDevice, configure: msg.Configure | None = CONFIGURE) -> Talk:
     line = DirectLine(device)
     talk = Talk(line, line.clock)
-    talk.ask(Hello(1, 0), Info)
+    talk.ask(msg.Hello(1, 0), msg.Info)
     if configure:
-        talk.ask(configure, Settings)
+        talk.ask(configure, msg.Settings)
     return talk
 
 
-def played(talk: Talk, order: StartScan = SCAN, seconds: float = 30.0) -> list[Reading]:
+def played(talk: Talk, order: msg.StartScan = SCAN, seconds: float = 30.0) -> list[Reading]:
     """Return the readings of a scan, after so many seconds."""
     since, assembler = len(talk.received), ReadingAssembler()
     talk.send(order)
     talk.quiet(seconds)
     messages = talk.messages(since)
-    settings = [message for message in talk.messages() if isinstance(message, Settings)][-1:]
+    settings = [message for message in talk.messages() if isinstance(message, msg.Settings)][-1:]
     return [reading for message in (*settings, *messages) for reading in assembler.feed(message)]
 
 
@@ -83,9 +65,9 @@ def test_a_replayed_scan_equals_the_recorded_one_on_its_schedule(log: Log, speed
     for got, wanted in zip(found, log.readings, strict=True):
         assert_readings_close(replace(got, time=wanted.time), wanted)
         assert got.time - begin == pytest.approx(wanted.time / speed, abs=2e-3)
-    chunks = [chunk.number for chunk in talk.messages() if isinstance(chunk, TraceChunk)]
+    chunks = [chunk.number for chunk in talk.messages() if isinstance(chunk, msg.TraceChunk)]
     assert chunks == [n for n in range(COUNT) for _ in range(3)]
-    assert [one.readings for one in talk.messages() if isinstance(one, Finished)] == [COUNT]
+    assert [one.readings for one in talk.messages() if isinstance(one, msg.Finished)] == [COUNT]
 
 
 @pytest.mark.parametrize(("writer", "origin"), [("simulate", Origin.SIMULATED), ("import", Origin.IMPORTED)])
@@ -100,15 +82,15 @@ def test_a_scan_of_a_replay_has_the_origin_of_its_log(tmp_path: Path, writer: st
 def test_a_heartbeat_comes_every_quarter_second_and_stop_ends_a_scan_at_any_speed(log: Log) -> None:
     for speed, played_for in ((0.1, 0.3), (1.0, 0.3), (1e6, 1e-4)):
         talk = greeted(ReplayDevice(with_scans(log, log.readings * 40), speed))
-        talk.ask(SCAN, Started)
-        assert talk.ask(Home(), Refused).code == Refusal.BUSY
+        talk.ask(SCAN, msg.Started)
+        assert talk.ask(msg.Home(), msg.Refused).code == msg.Refusal.BUSY
         talk.quiet(played_for)
-        stopped = talk.answers(Stop())[0]
-        assert isinstance(stopped, Accepted)
-        (finished,) = [one for one in talk.messages() if isinstance(one, Finished)]
-        assert finished.outcome == Outcome.STOPPED
+        stopped = talk.answers(msg.Stop())[0]
+        assert isinstance(stopped, msg.Accepted)
+        (finished,) = [one for one in talk.messages() if isinstance(one, msg.Finished)]
+        assert finished.outcome == msg.Outcome.STOPPED
         assert finished.readings == len(readings(talk.messages()))
-        assert sum(isinstance(message, Heartbeat) for message in talk.quiet(1.0)) in (4, 5)
+        assert sum(isinstance(message, msg.Heartbeat) for message in talk.quiet(1.0)) in (4, 5)
 
 
 def test_each_scan_command_plays_the_next_recorded_scan_and_a_part_that_of_the_previous_one(log: Log) -> None:
@@ -118,7 +100,7 @@ def test_each_scan_command_plays_the_next_recorded_scan_and_a_part_that_of_the_p
     part = played(talk, replace(SCAN, first=4, count=3), seconds=0.15)
     assert [reading.number for reading in part][:1] == [4]  # at once, without a pause for the omitted part
     assert part[0].time - began < 0.1
-    talk.ask(Stop(), Accepted)
+    talk.ask(msg.Stop(), msg.Accepted)
     part = played(talk, replace(SCAN, first=4, count=3))
     assert [reading.echo_times for reading in part] == [reading.echo_times for reading in log.readings[4:7]]
     assert [len(played(talk)) for _ in range(2)] == [3, COUNT]
@@ -168,16 +150,18 @@ def test_a_replayed_boot_counter_is_not_taken_for_repeated_resets(log: Log) -> N
 def test_a_reset_reported_with_the_start_of_a_shorter_scan_loses_no_reading(log: Log) -> None:
     bench = replayed(ReplayDevice(replace(log, info=replace(log.info, minor=1))))
     held = b""
-    reset = encode_frame(Frame(Heartbeat.TYPE, 0, 2**40, Heartbeat(State.SCANNING, 0, 2, 0, boot=99).pack()))
+    reset = encode_frame(
+        Frame(msg.Heartbeat.TYPE, 0, 2**40, msg.Heartbeat(msg.State.SCANNING, 0, 2, 0, boot=99).pack())
+    )
 
     def cable(data: bytes) -> bytes:
         nonlocal held
         held += data
         types = [frame.type for frame in FrameDecoder().feed(held) if isinstance(frame, Frame)]
-        if Started.TYPE in types and types.count(ReadingMessage.TYPE) < 2:
+        if msg.Started.TYPE in types and types.count(msg.ReadingMessage.TYPE) < 2:
             return b""
         data, held = held, b""
-        if Started.TYPE not in types:
+        if msg.Started.TYPE not in types:
             return data
         bench.up = unchanged
         return data + reset

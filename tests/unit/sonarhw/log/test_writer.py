@@ -73,9 +73,7 @@ def scans(draw: st.DrawFn) -> list[Reading]:
 
 @settings(max_examples=60, deadline=None)
 @given(written=scans())
-def test_a_log_returns_the_scan_that_was_written(
-    tmp_path_factory: pytest.TempPathFactory, written: list[Reading]
-) -> None:
+def test_a_log_returns_its_scan(tmp_path_factory: pytest.TempPathFactory, written: list[Reading]) -> None:
     path = tmp_path_factory.mktemp("logs") / "scan.mcap"
     write_scan(path, METADATA, written)
     log = read_log(path)
@@ -172,9 +170,7 @@ def test_a_viewer_finds_the_sensor_of_a_sweep_at_its_pose(tmp_path: Path) -> Non
         ),
     ],
 )
-def test_a_reading_that_no_frame_can_hold_is_refused_and_leaves_no_file(
-    tmp_path: Path, change: dict[str, float], message: str
-) -> None:
+def test_a_reading_beyond_a_frame_is_refused(tmp_path: Path, change: dict[str, float], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         write_scan(tmp_path / "scan.mcap", METADATA, [replace(example_reading(0), **change)])
     assert not (tmp_path / "scan.mcap").exists()
@@ -322,9 +318,7 @@ def readings(*rows: tuple[float, float]) -> list[Reading]:
     ],
     ids=["one", "several pings", "gaps", "fine"],
 )
-def test_a_sweep_has_the_range_of_each_heading(
-    rows: list[tuple[float, float]], ends: tuple[float, float], ranges: list[float]
-) -> None:
+def test_a_sweep_has_ranges(rows: list[tuple[float, float]], ends: tuple[float, float], ranges: list[float]) -> None:
     """The pose of the frame is the identity, a unit quaternion: headings are about the axis of the turntable."""
     scan = laser_scan(readings(*rows), 12.5)
     assert [*scan.ranges] == pytest.approx(ranges, nan_ok=True)
@@ -417,9 +411,7 @@ def record_one(log: LogWriter, number: int) -> None:
 @pytest.mark.parametrize(
     ("fault", "copied"), [("full", True), ("full", False), ("deleted", True), ("removed", True), ("removed", False)]
 )
-def test_a_log_that_can_no_longer_be_written_is_continued_in_another_folder(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: str, copied: bool
-) -> None:
+def test_a_log_goes_on_elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: str, copied: bool) -> None:
     if not copied:
         monkeypatch.setattr(sonarhw.log.writer, "MOST_COPIED", 0)
     first, warnings = tmp_path / "drive" / "scan.mcap", list[str]()
@@ -461,9 +453,7 @@ def test_a_log_that_can_no_longer_be_written_is_continued_in_another_folder(
 # logs that are written as a whole
 
 
-def test_a_disk_that_never_answers_does_not_hold_the_end_of_a_log(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_disk_that_never_answers_holds_no_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     answers = threading.Event()
     monkeypatch.setattr(os, "fsync", lambda _: answers.wait(HANG))
     monkeypatch.setattr("sonarhw.log.writer.SYNCED_WITHIN", 0.1)

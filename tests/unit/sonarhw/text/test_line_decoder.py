@@ -8,15 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sonarhw.text.decoder import (
-    HALF_LINES,
-    MOST_LINE,
-    MOST_PAUSE,
-    NOISE,
-    OTHER_TEXT,
-    LineDecoder,
-    make_decoder,
-)
+from sonarhw.text.decoder import HALF_LINES, MOST_LINE, MOST_PAUSE, NOISE, OTHER_TEXT, LineDecoder, make_decoder
 from sonarhw.text.layouts import PRESETS, Layout, layout_of
 from sonarhw.text.proposals import propose
 

@@ -143,9 +143,7 @@ def alternating(angles: list[int], range_first: bool, lines: int) -> tuple[bytes
 
 @pytest.mark.parametrize("range_first", [False, True])
 @pytest.mark.parametrize("lines", [0, 1])
-def test_the_order_of_alternating_lines_follows_from_pauses_or_sweeps_or_is_a_question(
-    range_first: bool, lines: int
-) -> None:
+def test_the_order_of_lines_follows_from_pauses_or_sweeps(range_first: bool, lines: int) -> None:
     pattern = "Dist: {cm} cm\\nAngle: {deg}" if range_first else "Angle: {deg}\\nDist: {cm} cm"
     text, _ = alternating([*range(0, 181, 10), *range(170, -1, -10)], range_first, lines)
     by_sweeps = propose(text)
@@ -219,9 +217,7 @@ def test_a_word_of_a_metric_language_leaves_out_inches_and_is_named() -> None:
         (2000, None, False),  # the range of a laser ranger in millimetres
     ],
 )
-def test_the_number_for_no_echo_shows_the_unit_or_leaves_it_open(
-    silent: int, unit: str | None, is_read_as_silence: bool
-) -> None:
+def test_no_echo_shows_the_unit_or_is_open(silent: int, unit: str | None, is_read_as_silence: bool) -> None:
     lines = [f"{a} deg {silent if k % 9 == 0 else 60 + (k * 37) % 331}" for k, a in enumerate(ANGLES)]
     proposal = propose("\n".join([*lines, ""]).encode(), begins_whole=True)
     if unit is None:

@@ -18,40 +18,10 @@ from hypothesis import strategies as st
 
 from sonarhw.device.fake_board import FakeBoard
 from sonarhw.readings import Ping, PingResult, Trace
+from sonarhw.wire import messages as msg
 from sonarhw.wire import messages as wire_messages
 from sonarhw.wire.frames import DELIMITER, Frame, FrameDecoder, encode_frame
 from sonarhw.wire.limits import MAX_ECHOES, MAX_PAYLOAD, MAX_TEST
-from sonarhw.wire.messages import (
-    BY_TYPE,
-    FROM_DEVICE,
-    FROM_HOST,
-    Approach,
-    AskCapabilities,
-    AskStatistics,
-    Configure,
-    Counted,
-    Feature,
-    Hello,
-    Home,
-    Input,
-    Message,
-    MessageError,
-    Outcome,
-    ReadingMessage,
-    Refusal,
-    Resend,
-    ResetCause,
-    Scalar,
-    StartScan,
-    State,
-    Stop,
-    TraceKind,
-    Turn,
-    Wire,
-    Wiring,
-    Zero,
-    unpack_message,
-)
 from tests.fixtures.protocol_document import DOCUMENT, block, rows
 
 RANGES = {
@@ -64,40 +34,43 @@ RANGES = {
 }
 
 
-def values(wire: Wire) -> st.SearchStrategy[Any]:
+def values(wire: msg.Wire) -> st.SearchStrategy[Any]:
     """Values of a field."""
     match wire:
-        case Scalar(code=code):
+        case msg.Scalar(code=code):
             return st.integers(RANGES[code][0], RANGES[code][1] - 1)
-        case Counted(name="text"):
+        case msg.Counted(name="text"):
             return st.text(st.characters(exclude_categories=["Cs"]), max_size=60)
-        case Counted(name="u32[]"):
+        case msg.Counted(name="u32[]"):
             return st.lists(st.integers(0, 2**32 - 1), max_size=MAX_ECHOES).map(tuple)
-        case Counted(name="u8[]"):
+        case msg.Counted(name="u8[]"):
             return st.binary(max_size=256)
 
 
 messages = st.one_of(
-    [st.builds(kind, *(values(item.metadata["wire"]) for item in fields(kind))) for kind in FROM_HOST + FROM_DEVICE]
+    [
+        st.builds(kind, *(values(item.metadata["wire"]) for item in fields(kind)))
+        for kind in msg.FROM_HOST + msg.FROM_DEVICE
+    ]
 )
 
 
 @given(messages, st.binary(max_size=20))
-def test_packing_is_reversible_and_bytes_after_the_last_field_are_ignored(message: Message, more: bytes) -> None:
+def test_packing_is_reversible_and_bytes_after_the_last_field_are_ignored(message: msg.Message, more: bytes) -> None:
     payload = message.pack()
-    assert unpack_message(message.TYPE, payload) == unpack_message(message.TYPE, payload + more) == message
-    assert len(payload) <= MAX_PAYLOAD or not isinstance(message, ReadingMessage)
+    assert msg.unpack_message(message.TYPE, payload) == msg.unpack_message(message.TYPE, payload + more) == message
+    assert len(payload) <= MAX_PAYLOAD or not isinstance(message, msg.ReadingMessage)
 
 
 @given(messages, st.integers(1, 40))
-def test_a_truncated_payload_is_rejected_unless_an_older_version_ends_there(message: Message, missing: int) -> None:
+def test_a_truncated_payload_is_rejected_unless_an_older_version_ends_there(message: msg.Message, missing: int) -> None:
     payload = message.pack()
     cut = payload[: max(0, len(payload) - missing)]
     if not payload:
         return
     try:
-        taken = unpack_message(message.TYPE, cut)
-    except MessageError:
+        taken = msg.unpack_message(message.TYPE, cut)
+    except msg.MessageError:
         return
     # only whole fields at the end are missing, and they have their defaults
     assert len(cut) >= len(message.pack(minor=0))
@@ -109,26 +82,26 @@ def test_a_truncated_payload_is_rejected_unless_an_older_version_ends_there(mess
 @given(st.integers(0, 255), st.binary(max_size=MAX_PAYLOAD))
 def test_any_payload_gives_a_message_or_none_or_a_message_error(kind: int, payload: bytes) -> None:
     try:
-        message = unpack_message(kind, payload)
-    except MessageError:
+        message = msg.unpack_message(kind, payload)
+    except msg.MessageError:
         return
-    assert (message is None) == (kind not in BY_TYPE)
+    assert (message is None) == (kind not in msg.BY_TYPE)
 
 
 def test_the_top_bit_distinguishes_host_types_from_device_types() -> None:
-    assert len(BY_TYPE) == len(FROM_HOST) + len(FROM_DEVICE)
-    assert all(kind.TYPE < 0x80 for kind in FROM_HOST)
-    assert all(kind.TYPE >= 0x80 for kind in FROM_DEVICE)
+    assert len(msg.BY_TYPE) == len(msg.FROM_HOST) + len(msg.FROM_DEVICE)
+    assert all(kind.TYPE < 0x80 for kind in msg.FROM_HOST)
+    assert all(kind.TYPE >= 0x80 for kind in msg.FROM_DEVICE)
 
 
 def test_packing_a_value_that_does_not_fit_raises_an_error() -> None:
-    with pytest.raises(MessageError, match="does not fit i32"):
-        Turn(angle=2**31).pack()
+    with pytest.raises(msg.MessageError, match="does not fit i32"):
+        msg.Turn(angle=2**31).pack()
 
 
 def test_one_echo_more_than_the_limit_does_not_fit_a_frame() -> None:
     def size(echoes: int) -> int:
-        return len(ReadingMessage(0, 0, 0, 0, 0, 0, (0,) * echoes).pack())
+        return len(msg.ReadingMessage(0, 0, 0, 0, 0, 0, (0,) * echoes).pack())
 
     assert size(MAX_ECHOES) <= MAX_PAYLOAD < size(MAX_ECHOES + 1)
 
@@ -148,10 +121,10 @@ def test_fields_that_an_older_peer_does_not_send_have_the_documented_defaults() 
     defaults = documented_defaults()
     assert len(defaults) > 10
     for kind, name, default in defaults:
-        least = BY_TYPE[kind](*(1 for item in fields(BY_TYPE[kind]) if item.default is MISSING))
-        if not any(isinstance(item.metadata["wire"], Counted) for item in fields(BY_TYPE[kind])):
-            assert getattr(unpack_message(kind, least.pack(minor=0)), name) == default
-        assert {item.name: item.default for item in fields(BY_TYPE[kind])}[name] == default
+        least = msg.BY_TYPE[kind](*(1 for item in fields(msg.BY_TYPE[kind]) if item.default is MISSING))
+        if not any(isinstance(item.metadata["wire"], msg.Counted) for item in fields(msg.BY_TYPE[kind])):
+            assert getattr(msg.unpack_message(kind, least.pack(minor=0)), name) == default
+        assert {item.name: item.default for item in fields(msg.BY_TYPE[kind])}[name] == default
 
 
 @pytest.mark.parametrize(
@@ -187,9 +160,9 @@ class DocumentedRoom:
         return PingResult((0.007, 0.0141), Trace(samples, 400.0, 0.0) if ping.trace else None)
 
 
-@pytest.mark.parametrize("kind", FROM_HOST + FROM_DEVICE, ids=lambda kind: kind.__name__)
-def test_every_message_is_documented_with_its_table(kind: type[Message]) -> None:
-    way = "host to device" if kind in FROM_HOST else "device to host"
+@pytest.mark.parametrize("kind", msg.FROM_HOST + msg.FROM_DEVICE, ids=lambda kind: kind.__name__)
+def test_every_message_is_documented_with_its_table(kind: type[msg.Message]) -> None:
+    way = "host to device" if kind in msg.FROM_HOST else "device to host"
     table = rows(f"{kind.__name__} · 0x{kind.TYPE:02X} · {way}") if fields(kind) else []
     assert table == [[item.name, item.metadata["wire"].name, item.metadata["meaning"]] for item in fields(kind)]
     assert f"### {kind.__name__} · 0x{kind.TYPE:02X} · {way}\n\n{kind.__doc__}" in DOCUMENT
@@ -197,22 +170,22 @@ def test_every_message_is_documented_with_its_table(kind: type[Message]) -> None
 
 def test_exactly_the_existing_messages_are_documented() -> None:
     documented = re.findall(r"^### (\w+) · 0x(..) ·", DOCUMENT, re.M)
-    assert {int(kind, 16): name for name, kind in documented} == {kind: m.__name__ for kind, m in BY_TYPE.items()}
+    assert {int(kind, 16): name for name, kind in documented} == {kind: m.__name__ for kind, m in msg.BY_TYPE.items()}
 
 
 @pytest.mark.parametrize(
     ("title", "codes"),
     [
-        ("State codes", State),
-        ("Outcome codes", Outcome),
-        ("Zero codes", Zero),
-        ("Refusal codes", Refusal),
-        ("Trace codes", TraceKind),
-        ("Approach codes", Approach),
-        ("Reset codes", ResetCause),
-        ("Feature codes", Feature),
-        ("Input codes", Input),
-        ("Wiring codes", Wiring),
+        ("State codes", msg.State),
+        ("Outcome codes", msg.Outcome),
+        ("Zero codes", msg.Zero),
+        ("Refusal codes", msg.Refusal),
+        ("Trace codes", msg.TraceKind),
+        ("Approach codes", msg.Approach),
+        ("Reset codes", msg.ResetCause),
+        ("Feature codes", msg.Feature),
+        ("Input codes", msg.Input),
+        ("Wiring codes", msg.Wiring),
     ],
 )
 def test_tables_of_codes_match_the_code(title: str, codes: type[IntEnum]) -> None:
@@ -250,7 +223,7 @@ def test_every_step_of_the_worked_example_is_correct() -> None:
     assert cobs.encode(body + crc) == stuffed
     assert stuffed + DELIMITER == wire
     (frame,) = FrameDecoder().feed(wire)
-    assert unpack_message(frame.type, frame.payload) == Hello(1, 2)
+    assert msg.unpack_message(frame.type, frame.payload) == msg.Hello(1, 2)
 
 
 def test_a_last_piece_of_254_bytes_decodes_with_and_without_an_empty_rest() -> None:
@@ -261,11 +234,11 @@ def test_a_last_piece_of_254_bytes_decodes_with_and_without_an_empty_rest() -> N
 
 def test_the_table_of_commands_is_complete() -> None:
     listed = [(row[0], row[2]) for row in rows("Commands at a glance")]
-    assert listed == [(kind.__name__, kind.WHEN_BUSY) for kind in FROM_HOST]
+    assert listed == [(kind.__name__, kind.WHEN_BUSY) for kind in msg.FROM_HOST]
 
 
 def test_every_command_fits_the_documented_buffer() -> None:
-    longest = [kind(**{item.name: widest(item) for item in fields(kind)}) for kind in FROM_HOST]
+    longest = [kind(**{item.name: widest(item) for item in fields(kind)}) for kind in msg.FROM_HOST]
     assert max(len(message.pack()) for message in longest) <= 80
     blocks = [encode_frame(Frame(message.TYPE, 0xFFFF, 2**64 - 1, message.pack())) for message in longest]
     assert max(map(len, blocks)) <= 96
@@ -286,7 +259,7 @@ def test_every_frame_in_the_conversation_decodes_to_the_message_above_it() -> No
     for side, sequence, time, message, wire in entries:
         (frame,) = FrameDecoder().feed(bytes.fromhex(wire))
         assert (frame.sequence, frame.time_us) == (int(sequence), int(time))
-        assert repr(unpack_message(frame.type, frame.payload)) == message
+        assert repr(msg.unpack_message(frame.type, frame.payload)) == message
         assert (frame.type < 0x80) == (side == "host  ")
 
 
@@ -297,15 +270,15 @@ def test_the_fake_board_repeats_the_documented_conversation_byte_for_byte() -> N
 def conversation() -> str:
     """Return the conversation with the present fake board; paste it into the document if the protocol has changed."""
     commands = [
-        (0.000, Hello(1, 2)),
-        (0.001, AskCapabilities()),
-        (0.002, Configure(20_000, 2_380, 1, 343_200)),
-        (0.004, Home()),
-        (0.100, StartScan(0, 10_000_000, 2, 1, 1)),
-        (0.340, Resend(1, 1)),
-        (0.342, Turn(800_000_000)),
-        (0.344, AskStatistics()),
-        (0.346, Stop()),
+        (0.000, msg.Hello(1, 2)),
+        (0.001, msg.AskCapabilities()),
+        (0.002, msg.Configure(20_000, 2_380, 1, 343_200)),
+        (0.004, msg.Home()),
+        (0.100, msg.StartScan(0, 10_000_000, 2, 1, 1)),
+        (0.340, msg.Resend(1, 1)),
+        (0.342, msg.Turn(800_000_000)),
+        (0.344, msg.AskStatistics()),
+        (0.346, msg.Stop()),
     ]
     board = FakeBoard(DocumentedRoom(), seed=TRANSCRIPT_SEED)
     lines = []
@@ -326,6 +299,6 @@ def frames_sent(board: FakeBoard, until: float) -> list[str]:
 def documented_frame(side: str, frame: Frame) -> list[str]:
     """Return a frame as the document writes it."""
     wire = encode_frame(frame).hex(" ").upper().split()
-    message = unpack_message(frame.type, frame.payload)
+    message = msg.unpack_message(frame.type, frame.payload)
     hex_lines = [f"        {' '.join(wire[at : at + 24])}\n" for at in range(0, len(wire), 24)]
     return [f"{side}  #{frame.sequence} at {frame.time_us} us  {message}\n", *hex_lines]

@@ -10,37 +10,29 @@ from hypothesis import strategies as st
 
 from sonarhw.device.fake_board import BoardIdentity
 from sonarhw.readings import Origin, Reading, Trace, origin_of
+from sonarhw.wire import messages as msg
 from sonarhw.wire.limits import CHUNK, KEPT_READINGS
-from sonarhw.wire.messages import (
-    Finished,
-    Heartbeat,
-    Info,
-    Message,
-    ReadingMessage,
-    Settings,
-    Started,
-    TraceChunk,
-    TraceKind,
-)
 from sonarhw.wire.readings_of_frames import MOST_DRIFT, DeviceClock, ReadingArrivals, ReadingAssembler, trace_chunks
 
 EPOCH = 1_700_000_000.0
 
 
-def made(number: int, fired_us: int | None = None) -> ReadingMessage:
+def made(number: int, fired_us: int | None = None) -> msg.ReadingMessage:
     """Return reading `number` of a scan whose pings are 100 ms apart."""
-    return ReadingMessage(number, 0, 0, 0, 100_000 * (number + 1) if fired_us is None else fired_us, 2000, ())
+    return msg.ReadingMessage(number, 0, 0, 0, 100_000 * (number + 1) if fired_us is None else fired_us, 2000, ())
 
 
-def chunks(number: int) -> list[TraceChunk]:
+def chunks(number: int) -> list[msg.TraceChunk]:
     """Return a trace of two chunks, every sample `number`."""
-    return [TraceChunk(number, offset, 4, 20_000, 0, bytes([number, number])) for offset in (0, 2)]
+    return [msg.TraceChunk(number, offset, 4, 20_000, 0, bytes([number, number])) for offset in (0, 2)]
 
 
-def assembled(*messages: Message, kind: TraceKind = TraceKind.ENVELOPE, flush: bool = True) -> list[Reading]:
+def assembled(
+    *messages: msg.Message, kind: msg.TraceKind = msg.TraceKind.ENVELOPE, flush: bool = True
+) -> list[Reading]:
     """Return the readings in the messages of a scan with traces."""
     assembler = ReadingAssembler()
-    scan = (Settings(1, 62_500, 2380, kind, 343_200), Started(2, 100), *messages)
+    scan = (msg.Settings(1, 62_500, 2380, kind, 343_200), msg.Started(2, 100), *messages)
     return [reading for message in scan for reading in assembler.feed(message)] + (assembler.flush() if flush else [])
 
 
@@ -54,7 +46,7 @@ def share(reading: Reading) -> float | None:
 
 
 # messages, then number of each reading and share of its trace
-ASSEMBLED: dict[str, tuple[list[Message], list[tuple[int, float | None]]]] = {
+ASSEMBLED: dict[str, tuple[list[msg.Message], list[tuple[int, float | None]]]] = {
     "with its last chunk": ([made(5), *chunks(5)], [(5, 1.0)]),
     "repeated": ([made(1), made(1), *chunks(1), made(1)], [(1, 1.0)]),
     "sent again after all that a device keeps": (
@@ -63,22 +55,22 @@ ASSEMBLED: dict[str, tuple[list[Message], list[tuple[int, float | None]]]] = {
     ),
     "another one sent again": ([made(7), chunks(7)[0], made(6), chunks(7)[1]], [(6, None), (7, 1.0)]),
     "sent again after its trace": ([*chunks(6), made(7), made(6), *chunks(7)], [(6, 1.0), (7, 1.0)]),
-    "sent again after the end": ([*chunks(9), Finished(2, 0, 10, ""), made(9)], [(9, 1.0)]),
-    "a heartbeat in between": ([made(3), chunks(3)[0], Heartbeat(3, 0, 4, 2000), chunks(3)[1]], [(3, 1.0)]),
-    "a repeated Started": ([made(0), chunks(0)[0], Started(2, 100), chunks(0)[1]], [(0, 1.0)]),
+    "sent again after the end": ([*chunks(9), msg.Finished(2, 0, 10, ""), made(9)], [(9, 1.0)]),
+    "a heartbeat in between": ([made(3), chunks(3)[0], msg.Heartbeat(3, 0, 4, 2000), chunks(3)[1]], [(3, 1.0)]),
+    "a repeated Started": ([made(0), chunks(0)[0], msg.Started(2, 100), chunks(0)[1]], [(0, 1.0)]),
     "the next scan without Started": (
-        [made(0), made(1), Finished(2, 0, 2, ""), made(0, 10_000_000), made(1, 10_000_001)],
+        [made(0), made(1), msg.Finished(2, 0, 2, ""), made(0, 10_000_000), made(1, 10_000_001)],
         [(0, None), (1, None)] * 2,
     ),
     "a restarted device": (
-        [made(0), made(1), Info(1, 1, 0, "", "", "", 2000, 0, 0), made(0)],
+        [made(0), made(1), msg.Info(1, 1, 0, "", "", "", 2000, 0, 0), made(0)],
         [(0, None), (1, None), (0, None)],
     ),
-    "a chunk without a period": ([made(1), TraceChunk(1, 0, 4, 0, 0, b"\1\1")], [(1, None)]),
-    "a chunk beyond the end": ([made(1), TraceChunk(1, 3, 4, 20_000, 0, b"\1\1")], [(1, 0.0)]),
-    "an empty chunk": ([made(1), TraceChunk(1, 0, 0, 20_000, 0, b"")], [(1, None)]),
+    "a chunk without a period": ([made(1), msg.TraceChunk(1, 0, 4, 0, 0, b"\1\1")], [(1, None)]),
+    "a chunk beyond the end": ([made(1), msg.TraceChunk(1, 3, 4, 20_000, 0, b"\1\1")], [(1, 0.0)]),
+    "an empty chunk": ([made(1), msg.TraceChunk(1, 0, 0, 20_000, 0, b"")], [(1, None)]),
     # an index of a lost sample beyond the chunk is ignored
-    "lost samples": ([made(255), TraceChunk(255, 0, 4, 1000, 0, b"\xff" * 4, lost=bytes([2, 9]))], [(255, 0.75)]),
+    "lost samples": ([made(255), msg.TraceChunk(255, 0, 4, 1000, 0, b"\xff" * 4, lost=bytes([2, 9]))], [(255, 0.75)]),
 }
 
 
@@ -97,18 +89,18 @@ def test_traces_without_readings_do_not_accumulate() -> None:
 def test_a_trace_is_transmitted_with_eight_bits(carrier: bool) -> None:
     samples = np.sin(np.linspace(0, 9, 700))
     sent = Trace(samples if carrier else np.abs(samples), 76_900.0, 0.0004, carrier)
-    (whole,) = assembled(made(0), *trace_chunks(0, sent), kind=TraceKind(1 + carrier))
+    (whole,) = assembled(made(0), *trace_chunks(0, sent), kind=msg.TraceKind(1 + carrier))
     assert (whole.trace.carrier, whole.trace.start) == (carrier, pytest.approx(sent.start))
     np.testing.assert_allclose(whole.trace.samples, sent.samples, atol=(1.01 if carrier else 0.51) / 255)
 
 
 @pytest.mark.parametrize(
-    ("kind", "expected"), [(TraceKind.ENVELOPE, [0.0, 0.2, 1.0]), (TraceKind.CARRIER, [-1.0, -0.6, 1.0])]
+    ("kind", "expected"), [(msg.TraceKind.ENVELOPE, [0.0, 0.2, 1.0]), (msg.TraceKind.CARRIER, [-1.0, -0.6, 1.0])]
 )
 @pytest.mark.parametrize("more", [b"", b"\x07"], ids=["whole", "half a sample more"])
-def test_samples_of_sixteen_bits_are_shares_of_65535(kind: TraceKind, expected: list[float], more: bytes) -> None:
+def test_samples_of_sixteen_bits_are_shares_of_65535(kind: msg.TraceKind, expected: list[float], more: bytes) -> None:
     samples = np.array([0, 13_107, 65_535], dtype="<u2").tobytes() + more
-    (done,) = assembled(made(0), TraceChunk(0, 0, 3, 20_000, 0, samples, bits=16, kind=int(kind)), kind=kind)
+    (done,) = assembled(made(0), msg.TraceChunk(0, 0, 3, 20_000, 0, samples, bits=16, kind=int(kind)), kind=kind)
     assert done.trace.samples == pytest.approx(expected)
     assert done.trace.rate == pytest.approx(50_000)
 
