@@ -1,17 +1,24 @@
 """The paper's `range(θ, x, y)` for one heading (CIM-92-9, appendix A), compiled for tests that need thousands.
 
-Returns the result of `oracles.reference`, ray for ray. The paper keeps all rays on a heap and stops at the first that
-is detected. Rays are independent, so here they are followed one after the other, from the axis outwards, and no farther
-than they could return before the nearest echo so far. The result is the same without a heap. A whole scan from one
-place is faster, and exact, with `sonarhw_sim.predict.prediction`.
+One ray at a time, without images or sequences. Rays leave in steps of δ. Each is tested at the receiver, reflected, and
+near the end of a segment diffracted straight to the receiver. The paper keeps all rays on a heap and stops at the first
+that is detected. Rays are independent, so here they are followed one after the other, from the axis outwards, and no
+farther than they could return before the nearest echo so far. The result is the same without a heap. A whole scan from
+one place is faster, and exact, with `sonarhw_sim.predict.prediction`.
+
+Where appendix A leaves a choice: the search stops at a path of twice the maximum range and returns None. The receiver
+is a segment across the heading, half a spacing of the ray's tube to each side. A diffracted leg needs a free line of
+sight. Undetected sound at the transducer passes (`Unit.PASS`), ends (`Unit.BLOCK`), or is reflected by its face, which
+is as wide as the aperture (`Unit.REFLECT`, as printed).
 """
 
 import math
 from typing import NamedTuple
 
 import numpy as np
+from sonarhw_sim.air import Unit
 from sonarhw_sim.board.beam import beam, beam_table
-from sonarhw_sim.board.profile import NEAREST, Board, uncompensated_db
+from sonarhw_sim.board.profile import BODY_REFLECTANCE, NEAREST, ON_AXIS, Board, uncompensated_db, with_faces
 from sonarhw_sim.compiled import compiled
 from sonarhw_sim.rays.fan import first_among, reflect
 from sonarhw_sim.rays.sequences import leg_is_free
@@ -61,15 +68,16 @@ class _Limits(NamedTuple):
     spacing: float  # rad
     passes: bool  # whether undetected sound passes the transducer
     ka: float
+    face: int  # number of the transducer's own face among the walls, if it reflects
 
 
 def range_at(
-    room: Room, place: Place, board: Board, heading: float, *, blocking: bool = False, spacing: float = RAY_SPACING
+    room: Room, place: Place, board: Board, heading: float, *, unit: Unit = Unit.PASS, spacing: float = RAY_SPACING
 ) -> float | None:
-    """Return the range (m) of appendix A at `heading` (rad in the room), before rounding; None: no echo.
-
-    Undetected sound passes the transducer, or ends there if it is `blocking`.
-    """
+    """Return the range (m) of appendix A at `heading` (rad in the room), before rounding; None: no echo."""
+    face = len(room.walls) if unit is Unit.REFLECT else _NOTHING
+    if unit is Unit.REFLECT:
+        room = with_faces(room, [ON_AXIS.pose(place, heading)], board.aperture_radius, BODY_REFLECTANCE)
     ka = board.wavenumber(room.air) * board.aperture_radius
     at_1_m, at_2_m = uncompensated_db(np.array([1.0, 2.0]), board, room.air).tolist()
     per_metre = at_2_m - at_1_m - 20 * math.log10(2.0) if board.fixed_gain else at_1_m
@@ -81,8 +89,9 @@ def range_at(
         board.fixed_gain,
         board.wavelength(room.air),
         spacing,
-        not blocking,
+        unit is Unit.PASS,
         ka,
+        face,
     )
     pose = _Pose(*place.position, heading, math.cos(heading), math.sin(heading))
     wedges = np.column_stack((room.edges.points, room.edges.starts, room.edges.openings))
@@ -140,7 +149,7 @@ def _outgoing(pose: _Pose, direction: float, limits: _Limits, table: FloatArray)
     """Return a ray at departure, with the loss at its angle."""
     dx, dy = math.cos(direction), math.sin(direction)
     leaving = beam(dx * pose.axis_x + dy * pose.axis_y, limits.ka, table)
-    return _Ray(pose.x, pose.y, dx, dy, 0.0, leaving, 0.0, 1.0, _NOTHING)
+    return _Ray(pose.x, pose.y, dx, dy, 0.0, leaving, 0.0, 1.0, limits.face)
 
 
 @compiled
@@ -171,8 +180,10 @@ def _follow(
         # the next surface, or the receiver
         distance, surface = first_among(ray.x, ray.y, ray.dx, ray.dy, ray.last, walls, posts, cells, starts, numbers)
         to_receiver = np.inf if at_receiver else _to_receiver(ray, pose, limits.spacing)
-        at_receiver = to_receiver < distance
-        ray = _moved(ray, min(distance, to_receiver))
+        # the receiver is on its face, which an oblique ray may meet a little earlier
+        on_face = surface == limits.face and surface != _NOTHING
+        at_receiver = to_receiver < np.inf if on_face else to_receiver < distance
+        ray = _moved(ray, to_receiver if at_receiver else distance)
         # no path back is shorter than the straight line, except for the length of the receiver
         home = math.hypot(pose.x - ray.x, pose.y - ray.y)
         home -= limits.spacing * (ray.width + ray.opening * home)
@@ -183,7 +194,9 @@ def _follow(
         if at_receiver:
             if _is_detected(ray, pose, limits, table):
                 return ray.travelled
-            if not limits.passes:
+            if limits.face != _NOTHING:
+                ray = _reflected_by_face(ray, pose, limits.face, reflectances, walls, posts)
+            elif not limits.passes:
                 break
             continue
 
@@ -197,10 +210,23 @@ def _follow(
                     continue
                 if _is_detected(arrived, pose, limits, table):
                     nearest = arrived.travelled
+                elif limits.face != _NOTHING:
+                    diffracted.append(_reflected_by_face(arrived, pose, limits.face, reflectances, walls, posts))
                 elif limits.passes:
                     diffracted.append(arrived)
         ray = _reflected(ray, surface, reflectances[surface], walls, posts)
+        at_receiver = on_face
     return nearest
+
+
+@compiled
+def _reflected_by_face(
+    ray: _Ray, pose: _Pose, face: int, reflectances: FloatArray, walls: FloatArray, posts: FloatArray
+) -> _Ray:
+    """Return a ray in the receiver's tube, moved forward or back to the plane of the face and reflected there."""
+    ahead = (pose.x - ray.x) * pose.axis_x + (pose.y - ray.y) * pose.axis_y
+    at_face = _moved(ray, ahead / (ray.dx * pose.axis_x + ray.dy * pose.axis_y))
+    return _reflected(at_face, face, reflectances[face], walls, posts)
 
 
 @compiled
