@@ -34,20 +34,8 @@ from sonarhw.errors import InputError, OutputError
 from sonarhw.host.scanner import Scanner
 from sonarhw.log import read_log
 from tests.fixtures.window_scene import ROOM
+from tests.system.gui import driving as ui
 from tests.system.gui.conftest import ORDER, OpenFake, OpenSession, OpenWith
-from tests.system.gui.driving import (
-    dialog_of,
-    drawn,
-    ended,
-    enter,
-    key,
-    log_name,
-    menu_of,
-    pixel_at,
-    predicted,
-    push,
-    until,
-)
 
 # the last state
 
@@ -81,7 +69,7 @@ def test_the_session_is_restored(open_with: OpenWith, recorded: Path, tmp_path: 
     session = window.session
     assert (session.shown.scene.place.name, window.banner.message) == ("figure7", "")
     session.open_file(str(recorded))
-    until(lambda: session.replay is not None)
+    ui.until(lambda: session.replay is not None)
     moved, _ = sensor_at(session.shown.scene, (0.4, 0.3))
     moved = replace(moved, place=replace(moved.place, heading=0.5))
     edited, _ = with_options(with_air_state(moved, temperature_c=3.0)[0], unit=Unit.BLOCK)
@@ -93,17 +81,17 @@ def test_the_session_is_restored(open_with: OpenWith, recorded: Path, tmp_path: 
     ranges.close()
     trace.setFloating(True)
     choose(window.layouts, "Save layout…")
-    dialog_of(window).setTextValue("lab & bench")
-    dialog_of(window).accept()
+    ui.dialog_of(window).setTextValue("lab & bench")
+    ui.dialog_of(window).accept()
     window.commands.reset_layout.trigger()
-    until(lambda: ranges.isVisible() and not trace.isFloating())
-    key(window, "Ctrl+D", "Ctrl+2", "2", "F8")
-    until(lambda: read_memory(memory).look.palette is DARK)  # at once
+    ui.until(lambda: ranges.isVisible() and not trace.isFloating())
+    ui.key(window, "Ctrl+D", "Ctrl+2", "2", "F8")
+    ui.until(lambda: read_memory(memory).look.palette is DARK)  # at once
     window.close()
 
     window = reopened(open_with, memory, shipped)
     session = window.session
-    until(lambda: session.replay is not None)
+    ui.until(lambda: session.replay is not None)
     there = session.shown.scene
     assert (there.place, there.room.text, there.options) == (edited.place, edited.room.text, edited.options)
     assert (there.board.range_offset, there.room.air.temperature_c) == (0.02, 3.0)
@@ -117,7 +105,7 @@ def test_the_session_is_restored(open_with: OpenWith, recorded: Path, tmp_path: 
     assert window.files.actions()[0].data() == str(recorded)
     trace, ranges, *_ = window.views.docks
     choose(window.layouts, "lab && bench")
-    until(lambda: trace.isFloating() and not ranges.isVisible())
+    ui.until(lambda: trace.isFloating() and not ranges.isVisible())
     window.layouts.show_names()
     window.layouts.deleting.actions()[0].trigger()
     assert not window.layouts.layouts
@@ -133,7 +121,7 @@ def test_what_is_not_restored_is_named(open_with: OpenWith, recorded: Path, tmp_
     ):
         write_memory(memory, Memory(scene=SceneMemory.of(scene), log=str(log)))
         window = reopened(open_with, memory, shipped)
-        until(lambda window=window, message=message: message in window.banner.message)
+        ui.until(lambda window=window, message=message: message in window.banner.message)
         assert window.session.shown.scene.place.name == scene.place.name
         window.close()
     memory.write_text("scene=3")
@@ -167,10 +155,10 @@ def test_the_start_page_has_pictures(open_with: OpenWith, scene: Scene, recorded
     memory, nothing = tmp_path / "window.ini", Scene(None, None, scene.board)
     window = open_with(scene=nothing, memory=memory)
     window.session.open_file(str(recorded))
-    until(lambda: predicted(window))
+    ui.until(lambda: ui.predicted(window))
     window.close()
     page = open_with(scene=nothing, memory=memory).start_page
-    until(page.isVisible)
+    ui.until(page.isVisible)
     newest = next(button for button in page.findChildren(QPushButton) if recorded.name in button.text())
     picture = newest.icon().pixmap(PICTURE).toImage()
     colours = [picture.pixelColor(x, y) for x in range(picture.width()) for y in range(picture.height())]
@@ -253,13 +241,13 @@ def test_changes_are_restored_after_a_crash(start: Start, other: Path, tmp_path:
     assert session.shown.scene.room.text == drawn_room
     assert question(session) == ""
     session.open_file(str(other))  # in the same session
-    until(lambda: session.shown.scene.room.name == OTHER)
+    ui.until(lambda: session.shown.scene.room.name == OTHER)
     session.open_file(str(ROOM))
-    until(lambda: ASKED in question(session))
+    ui.until(lambda: ASKED in question(session))
     session.notices.accept()
     assert session.shown.scene.room.text == drawn_room
     session.showing.edit(*with_air_state(session.shown.scene, temperature_c=3.0))
-    until(lambda: any("3.0" in file.read_text() for file in (tmp_path / "data" / "unsaved").glob("*.json")))
+    ui.until(lambda: any("3.0" in file.read_text() for file in (tmp_path / "data" / "unsaved").glob("*.json")))
     after_a_crash = start(ROOM)
     assert ASKED in question(after_a_crash)
     after_a_crash.notices.accept()
@@ -427,12 +415,12 @@ def test_notes_are_edited_with_keys_and_mouse(open_with: OpenWith, log: Path, re
     before = log.read_bytes()
     window = open_with(source=read_log(log), source_name=log.name, source_file=log)
     session, showing, table = window.session, window.session.showing, window.views.table
-    until(lambda: predicted(window))
+    ui.until(lambda: ui.predicted(window))
 
     def note(reading: int, text: str) -> None:
         showing.choose(reading)
-        key(window, "N")
-        enter(dialog_of(window).findChild(QLineEdit), text)
+        ui.key(window, "N")
+        ui.enter(ui.dialog_of(window).findChild(QLineEdit), text)
 
     note(27, "false wall")
     assert stored(log) == {27: "false wall"}  # written at once
@@ -443,28 +431,28 @@ def test_notes_are_edited_with_keys_and_mouse(open_with: OpenWith, log: Path, re
     assert stored(log) == {9: "the post", 27: "false wall, 3 bounces"}
     plan, ranges = window.views.plan.drawing, window.views.ranges
     for marks in (plan.marks, ranges.marks[0]):
-        assert {*zip(*marks.notes.getData(), strict=True)} == {drawn(marks)[9], drawn(marks)[27]}
+        assert {*zip(*marks.notes.getData(), strict=True)} == {ui.drawn(marks)[9], ui.drawn(marks)[27]}
         assert marks.notes.isVisible()
     window.legend.more.setChecked(True)
     assert window.legend.explained["note"].isVisible()
     assert not table.view.isColumnHidden(Column.NOTE)
     assert table.noted.text() == "2 notes"
-    push(table.noted)
+    ui.push(table.noted)
     assert sorted(table.model.order.tolist()) == [9, 27]
-    push(table.noted)
+    ui.push(table.noted)
     QTest.keyClicks(table.words, "post")
     assert table.model.order.tolist() == [9]
     table.words.clear()
     showing.choose(27)
-    key(window, "Shift+N")
+    ui.key(window, "Shift+N")
     assert stored(log) == {9: "the post"}
     assert window.commands.undo.text() == "Undo deleting a note"
     for expected in ({9: "the post", 27: "false wall, 3 bounces"}, {27: "false wall, 3 bounces"}, {27: "false wall"}):
-        key(window, "Ctrl+Z")
+        ui.key(window, "Ctrl+Z")
         assert stored(log) == expected
-    key(window, "Ctrl+Z")
+    ui.key(window, "Ctrl+Z")
     assert not notes_path(log).exists()
-    key(window, "Ctrl+Shift+Z")
+    ui.key(window, "Ctrl+Shift+Z")
     assert stored(log) == {27: "false wall"}
 
     # the context menu notes the reading below the mouse
@@ -475,47 +463,47 @@ def test_notes_are_edited_with_keys_and_mouse(open_with: OpenWith, log: Path, re
         else:
             view, marks = (plan, plan.marks) if place == "plan" else (ranges, ranges.marks[0])
             box = plan.plot.vb if place == "plan" else ranges.ranges.vb
-            reading, point = next((k, at) for k, at in drawn(marks).items() if box.viewRect().contains(*at))
-            below, at = view.viewport(), pixel_at(view, box, point)
+            reading, point = next((k, at) for k, at in ui.drawn(marks).items() if box.viewRect().contains(*at))
+            below, at = view.viewport(), ui.pixel_at(view, box, point)
         QTest.mouseClick(below, Qt.MouseButton.RightButton, pos=at)
-        menu = menu_of(below, at)
+        menu = ui.menu_of(below, at)
         assert showing.shown.chosen == reading
         next(action for action in menu.actions() if action.text() in ("Add note…", "Edit note…")).trigger()
         menu.close()
-        enter(dialog_of(window).findChild(QLineEdit), place)
+        ui.enter(ui.dialog_of(window).findChild(QLineEdit), place)
         assert stored(log)[reading] == place
     assert log.read_bytes() == before
 
     # a dialog about a reading that is gone changes nothing
     showing.choose(3)
-    key(window, "N")
-    QTest.keyClicks(dialog_of(window).findChild(QLineEdit), "too late")
+    ui.key(window, "N")
+    QTest.keyClicks(ui.dialog_of(window).findChild(QLineEdit), "too late")
     session.open_file(str(recorded))
-    until(lambda: session.log_file == os.path.abspath(recorded))
-    dialog_of(window).accept()
+    ui.until(lambda: session.log_file == os.path.abspath(recorded))
+    ui.dialog_of(window).accept()
     assert not session.shown.notes
-    until(lambda: "too late" in window.banner.message)
+    ui.until(lambda: "too late" in window.banner.message)
     assert not notes_path(recorded).exists()
     session.leave_replay()
-    until(lambda: not window.commands.edit_note.isEnabled() and not window.commands.delete_note.isEnabled())
+    ui.until(lambda: not window.commands.edit_note.isEnabled() and not window.commands.delete_note.isEnabled())
 
 
 def test_notes_of_a_live_scan_are_kept(open_session: OpenSession, fake: OpenFake, recorded: Path) -> None:
     session = open_session(fake("max"))
     session.scan()
-    until(lambda: ended(session) and len(session.shown.readings) == ORDER.readings)
+    ui.until(lambda: ui.ended(session) and len(session.shown.readings) == ORDER.readings)
     session.showing.pin(5, "while it was new")
     recording = Path(session.log_file)
     assert stored(recording) == {5: "while it was new"}
     session.open_file(str(recorded))
-    until(lambda: log_name(session) == recorded.name)
+    ui.until(lambda: ui.log_name(session) == recorded.name)
     assert not session.shown.notes
     assert "note" not in session.showing.history.undo_label  # its readings are no longer shown
     session.leave_replay()
     assert session.shown.notes.of(5) == "while it was new"
     session.scan()
     assert not session.shown.notes
-    until(lambda: ended(session) and session.status.job.recording not in (None, recording))
+    ui.until(lambda: ui.ended(session) and session.status.job.recording not in (None, recording))
     assert stored(recording) == {5: "while it was new"}
 
 

@@ -31,21 +31,8 @@ from sonarhw_sim.predict.prediction import predict_scan
 
 from sonarhw.errors import heading_text
 from sonarhw.log import read_log
+from tests.system.gui import driving as ui
 from tests.system.gui.conftest import OpenWith
-from tests.system.gui.driving import (
-    LEFT,
-    begin_drag,
-    click,
-    dialog_of,
-    drag,
-    drawn,
-    key,
-    pause,
-    pixel_at,
-    predicted,
-    push,
-    until,
-)
 
 Point = tuple[float, float]
 FIGURE9 = 0.774, 0.085  # where the sensor stands
@@ -75,19 +62,19 @@ class Plan:
         return self.box.viewRange()[0][0]
 
     def key(self, *names: str) -> None:
-        key(self.window, *names)
+        ui.key(self.window, *names)
 
     def drag(self, *way: Point) -> None:
-        drag(self.view, self.box, *way)
+        ui.drag(self.view, self.box, *way)
 
     def click(self, at: Point) -> None:
-        click(self.view, self.box, at)
+        ui.click(self.view, self.box, at)
 
     def hover(self, at: Point) -> str:
-        pixel = pixel_at(self.view, self.box, at)
+        pixel = ui.pixel_at(self.view, self.box, at)
         for k in range(40):  # until what is under the mouse is drawn
             QTest.mouseMove(self.view.viewport(), pixel + QPoint(k % 2, 0))
-            pause(15)
+            ui.pause(15)
             if k and self.message:
                 break
         return self.message
@@ -102,7 +89,7 @@ class Plan:
 
     def outside(self) -> set[int]:
         """Return the readings that are drawn outside the visible part."""
-        return {k for k, at in drawn(self.view.marks).items() if not self.box.viewRect().contains(*at)}
+        return {k for k, at in ui.drawn(self.view.marks).items() if not self.box.viewRect().contains(*at)}
 
 
 @pytest.fixture(scope="module")
@@ -120,8 +107,8 @@ def plan(shared: MainWindow, scene: Scene) -> Iterator[Plan]:
     session.showing.follow_newest()
     session.set_scene(scene)
     shared.resize(1280, 800)
-    key(shared, "1", "H", "Home")
-    until(lambda: predicted(shared) and session.shown.asked is None)
+    ui.key(shared, "1", "H", "Home")
+    ui.until(lambda: ui.predicted(shared) and session.shown.asked is None)
     shared.views.plan.fit()
     yield Plan(shared)
     session.sound.close()
@@ -131,7 +118,7 @@ def plan(shared: MainWindow, scene: Scene) -> Iterator[Plan]:
 def measured(plan: Plan, recorded: Path) -> Plan:
     """The plan with the readings of a log."""
     plan.session.show_log(read_log(recorded))
-    until(lambda: predicted(plan.window) and len(drawn(plan.view.marks)) > 30)
+    ui.until(lambda: ui.predicted(plan.window) and len(ui.drawn(plan.view.marks)) > 30)
     return plan
 
 
@@ -142,7 +129,7 @@ def test_dragging_the_sensor_changes_the_prediction_and_one_undo_reverts_both(pl
     outline = plan.shown.outline
     plan.drag(FIGURE9, (0.5, 0.2), (0.4, 0.3))
     assert plan.sensor == pytest.approx((0.4, 0.3), abs=0.003)
-    until(lambda: predicted(plan.window))
+    ui.until(lambda: ui.predicted(plan.window))
     moved = plan.shown.outline
     assert moved.place.position == plan.sensor
     known = ~np.isnan(moved.ranges)
@@ -167,20 +154,20 @@ def test_dragging_the_beam_turns_the_sensor_and_all_readings(measured: Plan) -> 
     plan.showing.choose(18)  # no reading is near the handle, which is filled unlike the ring of a selected one
     for palette in (DARK, LIGHT):
         plan.showing.set_look(Look(palette=palette))
-        pause(50)
-        at, image = pixel_at(plan.view, plan.box, plan.view.sensor.handle_at), plan.view.grab().toImage()
+        ui.pause(50)
+        at, image = ui.pixel_at(plan.view, plan.box, plan.view.sensor.handle_at), plan.view.grab().toImage()
         around = {image.pixelColor(at + QPoint(x, y)).name() for x in (-2, 0, 2) for y in (-2, 0, 2)}
         assert around == {palette.ink.lower()}
 
 
 def test_the_sensor_follows_a_drag_that_arrives_at_once_to_the_edge_of_the_plan_and_out_of_the_room(plan: Plan) -> None:
-    start, end = (pixel_at(plan.view, plan.box, at) for at in (plan.sensor, (0.5, 0.2)))
+    start, end = (ui.pixel_at(plan.view, plan.box, at) for at in (plan.sensor, (0.5, 0.2)))
     viewport = plan.view.viewport()
     for pixel in (start - QPoint(30, 0), start):  # moves without a pause, as after a stall
         QTest.mouseMove(viewport, pixel)
-    QTest.mousePress(viewport, LEFT, pos=start)
+    QTest.mousePress(viewport, ui.LEFT, pos=start)
     QTest.mouseMove(viewport, end)  # Qt has merged all moves of the drag
-    QTest.mouseRelease(viewport, LEFT, pos=end)
+    QTest.mouseRelease(viewport, ui.LEFT, pos=end)
     assert plan.sensor == pytest.approx((0.5, 0.2), abs=0.003)
     left = plan.left
     plan.drag(plan.sensor, (left - 5.0, 0.3))
@@ -190,7 +177,7 @@ def test_the_sensor_follows_a_drag_that_arrives_at_once_to_the_edge_of_the_plan_
     assert plan.sensor == pytest.approx((0.98, 0.3), abs=0.003)
     assert "outside the walls" in plan.message
     assert "outside the walls" in plan.hover(plan.sensor)
-    until(lambda: predicted(plan.window))
+    ui.until(lambda: ui.predicted(plan.window))
     assert plan.shown.outline.place.position == plan.sensor
     plan.key(*["Shift+Right"] * 40)
     assert plan.sensor[0] == pytest.approx(1.38, abs=0.01)
@@ -213,13 +200,13 @@ def test_esc_cancels_a_drag_with_any_tool_without_an_undo_step(plan: Plan) -> No
     ):
         plan.key(tool)
         before, seen = plan.shown.scene, plan.box.viewRange()
-        begin_drag(plan.view, plan.box, *way)
+        ui.begin_drag(plan.view, plan.box, *way)
         assert (plan.shown.scene is before) == (tool == "M")
-        key(plan.view, "Esc")
+        ui.key(plan.view, "Esc")
         assert plan.shown.scene is before
-        end = pixel_at(plan.view, plan.box, (0.2, 0.2))
+        end = ui.pixel_at(plan.view, plan.box, (0.2, 0.2))
         QTest.mouseMove(plan.view.viewport(), end)
-        QTest.mouseRelease(plan.view.viewport(), LEFT, pos=end)
+        QTest.mouseRelease(plan.view.viewport(), ui.LEFT, pos=end)
         assert (plan.shown.scene is before, plan.box.viewRange()) == (True, seen)
         assert (history.undo_label, history.redo_label) == ("", "moving the sensor")
         assert not plan.view.ruler.label.isVisible()
@@ -265,12 +252,12 @@ def test_old_values_are_grey(measured: Plan, monkeypatch: pytest.MonkeyPatch, re
     request.addfinalizer(gate.set)  # otherwise the window would not close
     before = measured.shown.compared
     measured.showing.edit(*sensor_at(measured.shown.scene, (0.4, 0.3)))
-    until(lambda: outdated in activity.text())
+    ui.until(lambda: outdated in activity.text())
     assert measured.shown.compared is before
     assert table.data(cell, ink).color() == QColor(measured.shown.look.palette.faint)
     assert is_faint(window.sentence)
     gate.set()
-    until(lambda: predicted(window) and outdated not in activity.text())
+    ui.until(lambda: ui.predicted(window) and outdated not in activity.text())
     assert (table.data(cell, ink), is_faint(window.sentence)) == (None, False)
 
 
@@ -299,7 +286,7 @@ def test_corners_and_walls_are_dragged_added_removed_and_split(plan: Plan) -> No
     assert plan.wall("top") == pytest.approx([0.928, 0.742, 0.1, 0.6], abs=0.003)
     assert plan.wall("left")[:2] == plan.wall("top")[2:]
     assert plan.box.viewRange() == seen  # the plan does not move on the screen
-    until(lambda: predicted(plan.window) and plan.shown.outline is not outline)
+    ui.until(lambda: ui.predicted(plan.window) and plan.shown.outline is not outline)
     assert plan.shown.outline.room is plan.shown.scene.room
     assert plan.showing.history.undo_label == "moving a corner"
     plan.key("Ctrl+Z", "W")
@@ -314,10 +301,10 @@ def test_corners_and_walls_are_dragged_added_removed_and_split(plan: Plan) -> No
         assert plan.shown.scene.room.names == ("bottom", "right", "top", "left")
         plan.key("Ctrl+Z")
         assert "wall 1" in plan.shown.scene.room.names
-    pixel = pixel_at(plan.view, plan.box, (0.5, 0.742))
-    push(plan.view.viewport(), pixel)
-    QTest.mouseDClick(plan.view.viewport(), LEFT, pos=pixel)
-    QTest.mouseRelease(plan.view.viewport(), LEFT, pos=pixel)
+    pixel = ui.pixel_at(plan.view, plan.box, (0.5, 0.742))
+    ui.push(plan.view.viewport(), pixel)
+    QTest.mouseDClick(plan.view.viewport(), ui.LEFT, pos=pixel)
+    QTest.mouseRelease(plan.view.viewport(), ui.LEFT, pos=pixel)
     assert {"top", "top 2"} < set(plan.shown.scene.room.names)
     assert plan.wall("top")[2] == pytest.approx(0.5, abs=0.003)
 
@@ -368,34 +355,34 @@ def test_clicks_draw_a_post_or_a_chain_of_walls_until_a_second_click_on_its_end_
 
     plan.key("P")
     plan.click(corners[0])
-    until(lambda: "click again" in plan.message)
+    ui.until(lambda: "click again" in plan.message)
     assert surfaces() == (4, 0)
     plan.click(corners[1])
-    until(lambda: surfaces() == (4, 1))
+    ui.until(lambda: surfaces() == (4, 1))
     plan.key("Ctrl+Z", "W")
     for count, at in enumerate(corners):
         plan.click(at)
-        until(lambda count=count: waiting() and surfaces() == (4 + count, 0))
+        ui.until(lambda count=count: waiting() and surfaces() == (4 + count, 0))
     first, second = plan.shown.scene.room.walls[-2:]
     assert tuple(first[2:]) == tuple(second[:2])
     plan.click(corners[-1])
-    until(lambda: not waiting())
+    ui.until(lambda: not waiting())
     assert surfaces() == (6, 0)
     for left in (5, 4):  # each wall is an undo step
         plan.key("Ctrl+Z")
         assert surfaces() == (left, 0)
     plan.click(corners[0])
-    until(lambda: waiting())
+    ui.until(lambda: waiting())
     ways = itertools.cycle([(0.4, 0.3), (0.42, 0.3)])  # a first motion may arrive before the click is handled
 
     def previewed() -> bool:
-        QTest.mouseMove(plan.view.viewport(), pixel_at(plan.view, plan.box, next(ways)))
+        QTest.mouseMove(plan.view.viewport(), ui.pixel_at(plan.view, plan.box, next(ways)))
         return surfaces() == (5, 0)
 
-    until(previewed)
+    ui.until(previewed)
     plan.view.setFocus()
-    key(plan.view, "Esc")
-    until(lambda: surfaces() == (4, 0))
+    ui.key(plan.view, "Esc")
+    ui.until(lambda: surfaces() == (4, 0))
     assert not waiting()
     assert not plan.showing.history.undo_label
 
@@ -408,8 +395,8 @@ def test_walls_and_posts_are_added_by_typed_coordinates_and_an_impossible_one_is
         for field, text in zip(dialog.fields, typed, strict=True):
             field.selectAll()
             QTest.keyClicks(field, text)
-        key(dialog.fields[-1], "Return")
-        until(lambda dialog=dialog: not Shiboken.isValid(dialog) or not dialog.isVisible())
+        ui.key(dialog.fields[-1], "Return")
+        ui.until(lambda dialog=dialog: not Shiboken.isValid(dialog) or not dialog.isVisible())
     room = plan.shown.scene.room
     assert room.walls[-1].tolist() == pytest.approx([0.2, 0.5, 0.6, 0.5])
     assert room.posts[-1].tolist() == pytest.approx([0.3, 0.3, 0.05])
@@ -417,13 +404,13 @@ def test_walls_and_posts_are_added_by_typed_coordinates_and_an_impossible_one_is
     plan.key("Ctrl+Alt+P")
     dialog = tools.typed
     assert dialog.fields[-1].value() == pytest.approx(0.05)
-    key(dialog.fields[-1], "Return")  # around the sensor, where the fields begin
-    until(lambda: "lies inside post" in dialog.problem.text())
+    ui.key(dialog.fields[-1], "Return")  # around the sensor, where the fields begin
+    ui.until(lambda: "lies inside post" in dialog.problem.text())
     assert dialog.isVisible()
     dialog.close()
     plan.session.set_scene(plan.shown.scene)
     plan.view.controller.choose_surface(None)
-    push(next(button for button in tools.findChildren(QToolButton) if button.defaultAction() is tools.remove))
+    ui.push(next(button for button in tools.findChildren(QToolButton) if button.defaultAction() is tools.remove))
     assert "Edit (E) selects" in plan.message
     assert tools.message.fontMetrics().horizontalAdvance(plan.message) <= tools.message.width()
 
@@ -450,7 +437,7 @@ def test_each_bounce_has_a_number_that_covers_nothing_and_its_wall_and_loss_are_
     plan.showing.choose(27)
     assert [label.toPlainText() for label in plan.labels()] == ["1, 3", "2"]
     listed = "1 bottom −0.4 dB · 2 top −0.4 dB · 3 bottom −0.4 dB"
-    until(lambda: plan.window.bounces.text() == bounces_text(plan.shown) == listed)
+    ui.until(lambda: plan.window.bounces.text() == bounces_text(plan.shown) == listed)
     x, y = plan.view.path.rays.getData()
     assert len(x) == 5  # sensor, bottom, top, bottom, sensor
     assert (x[0], y[0]) == (x[-1], y[-1]) == plan.sensor
@@ -469,7 +456,7 @@ def test_the_frame_holds_the_room_and_arrows_at_the_edge_point_to_the_readings_o
     assert all(frame.contains(x, y) for x, y in walls)
     assert max(np.ptp(walls, axis=0) / (frame.width(), frame.height())) > 0.7
     assert sum(arrow.count for arrow in arrows.arrows) == len(plan.outside()) > 0
-    (x, y), positions = plan.sensor, drawn(plan.view.marks)
+    (x, y), positions = plan.sensor, ui.drawn(plan.view.marks)
     for arrow in arrows.arrows:
         assert arrows.boundingRect().contains(*arrow.middle)
         assert arrow.distance == pytest.approx(math.dist((x, y), positions[arrow.reading]))
@@ -493,19 +480,19 @@ def test_the_frame_holds_the_room_and_arrows_at_the_edge_point_to_the_readings_o
     arrow = next(arrow for arrow in arrows.arrows if arrow.reading != 0)
     at = plan.view.mapFromScene(arrows.mapToScene(QPointF(*arrow.middle)))
     QTest.mouseMove(plan.view.viewport(), at)
-    push(plan.view.viewport(), at)
-    until(lambda: plan.shown.chosen == arrow.reading)
+    ui.push(plan.view.viewport(), at)
+    ui.until(lambda: plan.shown.chosen == arrow.reading)
     plan.key("Shift+F")
-    until(lambda: not plan.outside() and not arrows.arrows)
+    ui.until(lambda: not plan.outside() and not arrows.arrows)
     plan.key("Home")
-    until(lambda: bool(plan.outside()))
+    ui.until(lambda: bool(plan.outside()))
     assert plan.box.viewRect() == frame
 
     # texts cover neither the room nor each other
     plan.showing.choose(None)
     for size in ((1024, 552), (1280, 752)):
         plan.window.resize(*size)
-        pause(50)
+        ui.pause(50)
         corners = (arrows.mapFromItem(plan.box.childGroup, QPointF(*end(walls, axis=0))) for end in (np.min, np.max))
         room, texts = QRectF(*corners).normalized(), arrows.text_areas()
         assert len(texts) > len(arrows.arrows) / 2
@@ -526,9 +513,9 @@ def answered(plan: Plan, degrees: float) -> bool:
 def test_a_heading_without_a_reading_is_explained_by_mouse_and_keys(plan: Plan) -> None:
     window, before = plan.window, plan.shown.scene
     plan.key(*"----")  # the false wall, below the room, where heading 270° reads
-    pause(50)
+    ui.pause(50)
     plan.click((0.774, 0.085 - 0.827))
-    until(lambda: plan.shown.answer is not None)
+    ui.until(lambda: plan.shown.answer is not None)
     assert math.degrees(plan.shown.asked) == pytest.approx(270, abs=1)
     assert window.sentence.text().startswith("0.827 m predicted at 2")
     explained = "three reflections, bottom, top, bottom; the near wall (0.085 m) lies within blanking"
@@ -537,25 +524,25 @@ def test_a_heading_without_a_reading_is_explained_by_mouse_and_keys(plan: Plan) 
     assert plan.shown.trace.predicted is not None
     assert window.views.trace.title.text().endswith("predicted only")
     plan.key("Esc")
-    until(lambda: plan.shown.asked is None)
+    ui.until(lambda: plan.shown.asked is None)
     assert plan.shown.answer is None
     for pressed, degrees in (("[", 1), ("[", 2), ("]", 1)):
         plan.key(pressed)
-        until(lambda degrees=degrees: answered(plan, degrees))
+        ui.until(lambda degrees=degrees: answered(plan, degrees))
     plan.key("Home", "Q")  # the tool Ask turns the beam
     plan.drag((0.774, 0.5), (0.3, 0.085))
-    until(lambda: plan.shown.answer is not None and abs(plan.shown.asked - math.pi) < 0.02)
-    until(lambda: plan.view.sensor.handle_at[0] < FIGURE9[0])  # the beam points left
+    ui.until(lambda: plan.shown.answer is not None and abs(plan.shown.asked - math.pi) < 0.02)
+    ui.until(lambda: plan.view.sensor.handle_at[0] < FIGURE9[0])  # the beam points left
     plan.key("H")
     plan.drag(plan.view.sensor.handle_at, (0.774, 0.3))  # the beam of the question, not the turntable
-    until(lambda: abs(plan.shown.asked - math.pi / 2) < 0.05)
+    ui.until(lambda: abs(plan.shown.asked - math.pi / 2) < 0.05)
     assert plan.shown.scene is before
     plan.showing.ask(math.radians(90))
-    until(lambda: answered(plan, 90))
+    ui.until(lambda: answered(plan, 90))
     plan.key("Shift+Up")  # the sensor, 1 cm nearer to the top
     scene = plan.shown.scene
     expected = predict_scan(scene.room, scene.pose, scene.board, np.radians([90.0]), scene.options).ranges[0]
-    until(lambda: plan.shown.answer.place == scene.pose)
+    ui.until(lambda: plan.shown.answer.place == scene.pose)
     assert plan.shown.answer.ranges[0] == pytest.approx(expected)
 
 
@@ -564,13 +551,13 @@ def test_the_list_of_echoes_is_ranked_and_draws_the_path_pointed_at(measured: Pl
     table, pointed = listed.table, measured.view.path.pointed
     plan.window.views.docks[3].opener.trigger()
     plan.showing.choose(27)  # at 270°
-    until(lambda: listed.title.text().startswith("270.0° · ") and "the runner-up" in listed.note.text())
+    ui.until(lambda: listed.title.text().startswith("270.0° · ") and "the runner-up" in listed.note.text())
     plan.showing.ask(math.radians(180))
-    until(lambda: answered(plan, 180))
+    ui.until(lambda: answered(plan, 180))
     plan.key("Right")  # back to the readings
     assert (plan.shown.asked, plan.shown.chosen) == (None, 28)
     plan.showing.ask(math.radians(270))
-    until(lambda: answered(plan, 270) and table.rowCount() > 3 and "predicted" in plan.window.sentence.text())
+    ui.until(lambda: answered(plan, 270) and table.rowCount() > 3 and "predicted" in plan.window.sentence.text())
     texts = [[table.item(row, column).text() for column in range(4)] for row in range(table.rowCount())]
     assert texts[0] == ["0.827 m", "−1.3 dB", "wins", "bottom>top>bottom"]
     assert texts[1][2] == "0.014 m behind the winner"
@@ -579,12 +566,12 @@ def test_the_list_of_echoes_is_ranked_and_draws_the_path_pointed_at(measured: Pl
     pixel = table.visualItemRect(table.item(1, 3)).center()
     for at in (pixel, pixel + QPoint(1, 0)):
         QTest.mouseMove(table.viewport(), at)
-    until(lambda: plan.shown.pointed_path is not None and len(pointed.getData()[0]) > 0)
+    ui.until(lambda: plan.shown.pointed_path is not None and len(pointed.getData()[0]) > 0)
     answer, path = plan.shown.answer, plan.shown.pointed_path
     assert answer.paths.via(path, answer.room) == ("bottom", "right", "top", "bottom")
     assert np.column_stack(pointed.getData()) == pytest.approx(answer.paths.outline(path))
     table.setFocus()
-    key(table, "Down", "Ctrl+End")
+    ui.key(table, "Down", "Ctrl+End")
     assert table.currentRow() == table.rowCount() - 1
     assert listed.note.text().startswith("this echo (0.085 m) would win with blanking 0.1")
     plan.window.commands.reset_layout.trigger()
@@ -598,18 +585,18 @@ def test_sound_is_played_moved_with_the_slider_and_shown_in_plan_and_trace(plan:
 
     def seek(time: float) -> None:
         bar.slider.setValue(round(time * 1e6))
-        until(lambda: marks.sound.value() == pytest.approx(time, abs=1e-6))
+        ui.until(lambda: marks.sound.value() == pytest.approx(time, abs=1e-6))
 
     plan.showing.ask(math.radians(270))  # where the near wall is blanked
-    until(lambda: plan.shown.answer is not None)
+    ui.until(lambda: plan.shown.answer is not None)
     plan.key("S")
-    until(lambda: plan.shown.sound is not None)
+    ui.until(lambda: plan.shown.sound is not None)
     assert bar.isVisible()
     legend = window.legend.explained
     window.legend.more.setChecked(True)
-    until(lambda: all(legend[name].isVisible() and legend[name].toolTip() for name in SOUND))
+    ui.until(lambda: all(legend[name].isVisible() and legend[name].toolTip() for name in SOUND))
     first = plan.shown.sound.time
-    until(lambda: plan.shown.sound.time > first)
+    ui.until(lambda: plan.shown.sound.time > first)
     bar.play.click()
     assert (sound.state.playing, bar.play.text()) == (False, "Play")
     ping, layer = sound.state.ping, plan.view.sound
@@ -637,24 +624,24 @@ def test_sound_is_played_moved_with_the_slider_and_shown_in_plan_and_trace(plan:
     bar.loop.click()
     seek(1e-3)
     bar.slider.setFocus()
-    key(bar.slider, "PgUp")
+    ui.key(bar.slider, "PgUp")
     assert sound.state.time == pytest.approx(1.2e-3)
 
     bar.film.click()
-    dialog_of(window).fileSelected.emit(str(tmp_path / "sound.gif"))
-    dialog_of(window).close()
-    until(lambda: (tmp_path / "sound.gif").exists() and not plan.session.jobs.busy("save files"))
+    ui.dialog_of(window).fileSelected.emit(str(tmp_path / "sound.gif"))
+    ui.dialog_of(window).close()
+    ui.until(lambda: (tmp_path / "sound.gif").exists() and not plan.session.jobs.busy("save files"))
     with Image.open(tmp_path / "sound.gif") as film:
         assert film.n_frames > 50
         assert film.size[0] > 700
     bar.every.click()
     assert len(sound.state.ping.ways) > len(ping.ways)
     plan.key("[")
-    until(lambda: math.degrees(sound.state.ping.heading) == pytest.approx(271))
+    ui.until(lambda: math.degrees(sound.state.ping.heading) == pytest.approx(271))
     assert sound.state.ping.every
     bar.every.click()
     plan.key("S")
-    until(lambda: not bar.isVisible() and not marks.sound.isVisible())
+    ui.until(lambda: not bar.isVisible() and not marks.sound.isVisible())
     assert plan.shown.sound is None
     assert not any(legend[name].isVisible() for name in SOUND)
 
@@ -663,7 +650,7 @@ def test_sound_is_played_moved_with_the_slider_and_shown_in_plan_and_trace(plan:
 
 
 def turn_wheel(view: PlanDrawing, at: Point, notches: int) -> None:
-    pixel, nothing, none = pixel_at(view, view.plot.vb, at), QPoint(), Qt.MouseButton.NoButton
+    pixel, nothing, none = ui.pixel_at(view, view.plot.vb, at), QPoint(), Qt.MouseButton.NoButton
     place, angle = QPointF(view.viewport().mapToGlobal(pixel)), QPoint(0, 120 * notches)
     modifiers, phase = Qt.KeyboardModifier.NoModifier, Qt.ScrollPhase.NoScrollPhase
     wheel = QWheelEvent(QPointF(pixel), place, nothing, angle, none, modifiers, phase, False)
@@ -674,18 +661,18 @@ def test_one_plan_shows_readings_the_other_the_prediction_with_common_pan_zoom_a
     plan, window = measured, measured.window
     plan.key("2")
     one, other = window.views.side_by_side.measured, window.views.side_by_side.predicted
-    until(lambda: other.shown is plan.shown)
+    ui.until(lambda: other.shown is plan.shown)
     rows = plan.shown.rows
-    assert len(drawn(one.marks)) == np.count_nonzero(np.isfinite(rows.measured) | np.isfinite(rows.predicted)) > 30
-    assert not drawn(other.marks)
+    assert len(ui.drawn(one.marks)) == np.count_nonzero(np.isfinite(rows.measured) | np.isfinite(rows.predicted)) > 30
+    assert not ui.drawn(other.marks)
     outlined = [np.isfinite(view.outline.getData()[1]).sum() for view in (one, other)]
     assert outlined == [0, np.isfinite(plan.shown.outline.ranges).sum()]
     assert [len(view.room.walls.getData()[0]) for view in (one, other)] == [8, 8]
-    pause(50)
+    ui.pause(50)
     plan.key("F")
     (left, right), _ = one.plot.vb.viewRange()
     turn_wheel(other, (0.4, 0.4), 3)
-    drag(one, one.plot.vb, (0.3, 0.3), (0.35, 0.35))
+    ui.drag(one, one.plot.vb, (0.3, 0.3), (0.35, 0.35))
     middles = [np.mean(view.plot.vb.viewRange(), axis=1) for view in (one, other)]
     pixels = [view.plot.vb.viewPixelSize() for view in (one, other)]
     assert middles[0] == pytest.approx(middles[1])
@@ -695,9 +682,9 @@ def test_one_plan_shows_readings_the_other_the_prediction_with_common_pan_zoom_a
     plan.key("F")
     assert one.plot.vb.viewRange()[0] == pytest.approx([left, right], abs=0.01)
     x, y = plan.sensor
-    click(other, other.plot.vb, (x - 0.3, y + 0.02))  # selects the reading at that heading
+    ui.click(other, other.plot.vb, (x - 0.3, y + 0.02))  # selects the reading at that heading
     assert plan.shown.heading(plan.shown.chosen) == pytest.approx(np.pi)
-    until(lambda: "at 180.0°" in window.sentence.text())
-    drag(other, other.plot.vb, (x, y), (0.5, 0.3))
-    until(lambda: predicted(window))
-    until(lambda: all(v.sensor.spot.getData()[0][0] == pytest.approx(0.5, abs=0.005) for v in (one, other)))
+    ui.until(lambda: "at 180.0°" in window.sentence.text())
+    ui.drag(other, other.plot.vb, (x, y), (0.5, 0.3))
+    ui.until(lambda: ui.predicted(window))
+    ui.until(lambda: all(v.sensor.spot.getData()[0][0] == pytest.approx(0.5, abs=0.005) for v in (one, other)))

@@ -43,23 +43,9 @@ from sonarhw.errors import text_cell
 from sonarhw.log import read_log
 from sonarhw.readings import Ping, Reading
 from tests.fixtures.contributing import worked_example
+from tests.system.gui import driving as ui
 from tests.system.gui.conftest import ORDER, OpenFake, OpenWith
 from tests.system.gui.dense_scan import SHORT, dense_log
-from tests.system.gui.driving import (
-    PATIENCE,
-    activate,
-    click,
-    drag,
-    drawn,
-    ended,
-    key,
-    menu_of,
-    pause,
-    pixel_at,
-    predicted,
-    push,
-    until,
-)
 
 SPEED = 343.2
 VIEWS = "Plan", "Side by side", "B-scan", "Trace", "Ranges", "Readings"
@@ -69,7 +55,7 @@ def alone(qtbot: QtBot, view: QWidget, width: int, height: int) -> None:
     """Show a view without a window around it."""
     qtbot.addWidget(view)
     view.resize(width, height)
-    activate(view)
+    ui.activate(view)
 
 
 # all views
@@ -80,13 +66,13 @@ def test_every_view_has_a_menu_and_selects_readings(window: MainWindow, recorded
     ranges, plan = views.ranges, views.plan.drawing
     assert len(views.all) == 8
     assert all(isinstance(view, View) for view in views.all)
-    until(lambda: ranges.ranges.vb.viewRange()[0] == pytest.approx([0, 360], abs=10))
+    ui.until(lambda: ranges.ranges.vb.viewRange()[0] == pytest.approx([0, 360], abs=10))
 
     # readings are selected with the mouse in any view, and with keys
     assert showing.shown.chosen == ORDER.readings - 1
-    click(plan, plan.plot.vb, drawn(plan.marks)[27])
+    ui.click(plan, plan.plot.vb, ui.drawn(plan.marks)[27])
     assert showing.shown.chosen == 27
-    until(lambda: "Trace at 270.0°" in views.trace.title.text())
+    ui.until(lambda: "Trace at 270.0°" in views.trace.title.text())
     assert all(part in window.sentence.text() for part in ("at 270.0°", "bottom, top, bottom"))
     row, prediction = showing.shown.chosen_row, showing.shown.prediction
     ping, speed = prediction.ping(row.index), prediction.room.air.speed_of_sound
@@ -95,19 +81,19 @@ def test_every_view_has_a_menu_and_selects_readings(window: MainWindow, recorded
     assert sorted(marked) == sorted(prediction.apparent_lengths[echo.path] / speed for echo in echoes)
     tips = [tip for heads in views.trace.numbers.heads.values() for tip in heads.about]
     assert any(tip.startswith("2: bottom>top>bottom\n") for tip in tips)  # 1 arrives within blanking
-    click(plan, plan.plot.vb, (0.2, 0.35))  # far from all readings
+    ui.click(plan, plan.plot.vb, (0.2, 0.35))  # far from all readings
     assert showing.shown.chosen == 27
-    x, y = drawn(ranges.marks[0])[9]
-    click(ranges, ranges.ranges.vb, (x + 2.0, y))  # the nearest one
+    x, y = ui.drawn(ranges.marks[0])[9]
+    ui.click(ranges, ranges.ranges.vb, (x + 2.0, y))  # the nearest one
     assert showing.shown.chosen == views.table.view.currentIndex().row() == 9
     table, model = views.table.view, views.table.model
     table.scrollToTop()
-    push(table.viewport(), table.visualRect(model.index(1, 1)).center())
+    ui.push(table.viewport(), table.visualRect(model.index(1, 1)).center())
     assert (showing.shown.chosen, "at 10.0°" in window.sentence.text()) == (1, True)
-    key(table, "Down")
+    ui.key(table, "Down")
     assert showing.shown.chosen == 2
     for pressed, chosen in (("Esc", -1), ("Right", 0), ("Left", -1), ("Left", -2), ("Esc", -1)):
-        key(window, pressed)
+        ui.key(window, pressed)
         assert showing.shown.chosen == chosen % ORDER.readings
 
     # ranges and residuals are reset by key; the menu resets only its own view
@@ -116,7 +102,7 @@ def test_every_view_has_a_menu_and_selects_readings(window: MainWindow, recorded
     for box in plots:
         box.setRange(xRange=(100, 200), yRange=(0.1, 0.2), padding=0)
     assert plots[1].viewRange()[0] == pytest.approx([100, 200])
-    key(window, "F")
+    ui.key(window, "F")
     for box, sides in zip(plots, usual, strict=True):
         np.testing.assert_allclose(box.viewRange(), sides, rtol=1e-4)
     plots[0].setRange(xRange=(100, 200), yRange=(0.1, 0.2), padding=0)
@@ -124,7 +110,7 @@ def test_every_view_has_a_menu_and_selects_readings(window: MainWindow, recorded
     zoomed = plan.plot.vb.viewRect()
     showing.switch(Kind.MATCH, False)
     for below, text in ((ranges.viewport(), "Fit this view"), (plan.viewport(), "Show all layers")):
-        menu = menu_of(below)
+        menu = ui.menu_of(below)
         next(action for action in menu.actions() if action.text() == text).trigger()
         menu.close()
     np.testing.assert_allclose(plots[0].viewRange(), usual[0], rtol=1e-4)
@@ -141,12 +127,12 @@ def test_every_view_has_a_menu_and_selects_readings(window: MainWindow, recorded
             if action.text() == name:
                 action.trigger()
         view = next(view for view in views.all if view.entry.name == name)
-        until(view.isVisible)
+        ui.until(view.isVisible)
         canvas = view if isinstance(view, pg.GraphicsView) else view.findChild(pg.GraphicsView)
         below = canvas.viewport() if canvas is not None else view.view.viewport()
         QTest.mouseClick(below, Qt.MouseButton.RightButton, pos=below.rect().center() - QPoint(20, 20))
         assert not [menu for menu in QApplication.topLevelWidgets() if isinstance(menu, QMenu) and menu.isVisible()]
-        menu = menu_of(below)
+        menu = ui.menu_of(below)
         texts = {action.text() for action in menu.actions()}
         assert {"Fit this view", *(action.text() for action in view.actions())} <= texts, name
         assert any("Picture" in text for text in texts) is (name != "Readings")
@@ -168,7 +154,7 @@ def test_every_view_has_a_menu_and_selects_readings(window: MainWindow, recorded
 
 def test_every_entry_of_the_legend_switches_its_layer_with_a_key(window: MainWindow) -> None:
     views = window.views
-    until(lambda: window.session.shown.trace is not None and views.trace.measured.isVisible())
+    ui.until(lambda: window.session.shown.trace is not None and views.trace.measured.isVisible())
     items_of = {
         ViewLayer.TRACE: [views.trace.measured],
         ViewLayer.PREDICTED: [views.trace.predicted, views.plan.drawing.outline, views.ranges.outline],
@@ -182,13 +168,13 @@ def test_every_entry_of_the_legend_switches_its_layer_with_a_key(window: MainWin
         assert all(item.isVisible() for item in items), layer
         entry = window.legend.entries[layer]
         entry.setFocus()
-        key(entry, "Space")
-        until(lambda layer=layer: layer in window.session.shown.hidden)
+        ui.key(entry, "Space")
+        ui.until(lambda layer=layer: layer in window.session.shown.hidden)
         assert not any(item.isVisible() for item in items), layer
     rays = views.plan.drawing.path.rays.getData()[0]
     assert rays is None or not len(rays)
-    key(entry, "Space")
-    until(lambda: layer not in window.session.shown.hidden)
+    ui.key(entry, "Space")
+    ui.until(lambda: layer not in window.session.shown.hidden)
     assert all(item.isVisible() for item in items)
 
 
@@ -205,33 +191,35 @@ def test_a_bscan_is_computed_while_it_is_visible(open_with: OpenWith, recorded: 
     view, session, trace = window.views.bscan, window.session, window.views.trace
 
     def at(pane: Pane, x: float, y: float) -> QPoint:
-        return pixel_at(view.canvas, view.panes[pane].plot.vb, (x, y))
+        return ui.pixel_at(view.canvas, view.panes[pane].plot.vb, (x, y))
 
     def checked() -> str:
         return view.choices.checkedAction().text()
 
-    until(lambda: predicted(window))
+    ui.until(lambda: ui.predicted(window))
     assert (len(window.findChildren(PlanDrawing)), len(view.panes)) == (1, 0)  # hidden views are not created
-    key(window, "3")
-    until(lambda: computed(window))
+    ui.key(window, "3")
+    ui.until(lambda: computed(window))
     assert checked() == "Predicted"
     assert view.panes[Pane.PREDICTED].plot.isVisible()
     session.open_file(str(recorded))
-    until(lambda: session.replay is not None and computed(window) and predicted(window) and checked() == "Recorded")
-    push(view.canvas.viewport(), at(Pane.MEASURED, 271, 0.6))
+    ui.until(
+        lambda: session.replay is not None and computed(window) and ui.predicted(window) and checked() == "Recorded"
+    )
+    ui.push(view.canvas.viewport(), at(Pane.MEASURED, 271, 0.6))
     assert session.shown.chosen == 27
-    until(lambda: "at 270.0°" in window.sentence.text())
+    ui.until(lambda: "at 270.0°" in window.sentence.text())
     QTest.mouseMove(view.canvas.viewport(), at(Pane.MEASURED, 90, 0.6))
-    until(lambda: session.shown.cursor is not None and abs(session.shown.cursor.range - 0.6) < 0.02)
+    ui.until(lambda: session.shown.cursor is not None and abs(session.shown.cursor.range - 0.6) < 0.02)
     assert math.degrees(session.shown.cursor.heading) == pytest.approx(90.0, abs=1.0)
-    until(trace.pointer.isVisible)
+    ui.until(trace.pointer.isVisible)
     assert trace.pointer.value() == pytest.approx(session.shown.trace.time_at(session.shown.cursor.range), rel=1e-3)
 
-    key(window, "Shift+F4")  # all panes, with common pan, zoom and cursor
-    until(lambda: len(view.settings.panes) == len(Pane) and computed(window))
+    ui.key(window, "Shift+F4")  # all panes, with common pan, zoom and cursor
+    ui.until(lambda: len(view.settings.panes) == len(Pane) and computed(window))
     session.showing.point_at(Cursor(math.radians(45.0), 0.7))
     for pane in view.panes.values():
-        until(lambda pane=pane: np.allclose(pane.cursor.getData(), [[45.0], [0.7]]))
+        ui.until(lambda pane=pane: np.allclose(pane.cursor.getData(), [[45.0], [0.7]]))
     view.panes[Pane.PREDICTED].plot.vb.setRange(xRange=(30, 60), yRange=(0.2, 0.8), padding=0)
     for pane in view.panes.values():
         np.testing.assert_allclose(pane.plot.vb.viewRange(), [[30, 60], [0.2, 0.8]])
@@ -240,49 +228,49 @@ def test_a_bscan_is_computed_while_it_is_visible(open_with: OpenWith, recorded: 
     assert right - left >= 360
     assert top == pytest.approx(session.shown.bscan.rows.cells.reach)
 
-    key(window, "O")  # polar: a click chooses the direction from the sensor, and the size stays when panes change
-    until(lambda: view.settings.polar and computed(window))
+    ui.key(window, "O")  # polar: a click chooses the direction from the sensor, and the size stays when panes change
+    ui.until(lambda: view.settings.polar and computed(window))
     recorded_only, *_, three = view.choices.actions()
     recorded_only.trigger()
-    until(lambda: computed(window))
+    ui.until(lambda: computed(window))
     (x, y), box = session.shown.scene.pose.position, view.panes[Pane.MEASURED].plot.vb
     assert 0.742 < min(box.viewRect().width(), box.viewRect().height()) < 1.5  # around the room, 0.928 m by 0.742 m
-    push(view.canvas.viewport(), at(Pane.MEASURED, x + 0.5 * math.cos(2.1), y + 0.5 * math.sin(2.1)))
+    ui.push(view.canvas.viewport(), at(Pane.MEASURED, x + 0.5 * math.cos(2.1), y + 0.5 * math.sin(2.1)))
     assert session.shown.chosen == 12  # 2.1 rad are 120.3°
     QApplication.processEvents()
     before = box.viewRect().width()
     for choice in (three, recorded_only, three, recorded_only):
         choice.trigger()
-        until(lambda: computed(window))
+        ui.until(lambda: computed(window))
         QApplication.processEvents()
     assert box.viewRect().width() == pytest.approx(before, rel=0.01)
 
-    key(window, "1")  # a hidden one is not computed, and keeps no B-scan of a closed log
+    ui.key(window, "1")  # a hidden one is not computed, and keeps no B-scan of a closed log
     hidden = ref(session.shown.bscan)
     session.showing.set_place("figure7")
-    until(lambda: predicted(window))
+    ui.until(lambda: ui.predicted(window))
     assert session.shown.bscan is hidden()
-    key(window, "3")
-    until(lambda: session.shown.bscan is not hidden() and computed(window))
+    ui.key(window, "3")
+    ui.until(lambda: session.shown.bscan is not hidden() and computed(window))
     old = ref(session.shown.bscan)
-    key(window, "2", "1")
-    pause(60)
+    ui.key(window, "2", "1")
+    ui.pause(60)
     session.leave_replay()
     session.open_file(str(recorded))
-    until(lambda: session.replay is not None and predicted(window))
+    ui.until(lambda: session.replay is not None and ui.predicted(window))
     gc.collect()
     assert old() is None  # seven old B-scans took 200 MB
 
 
 def test_a_live_scan_fills_the_bscan_in_the_pane_that_the_user_has_chosen(open_with: OpenWith, fake: OpenFake) -> None:
     window = open_with(source=fake("max"))
-    until(lambda: predicted(window))
-    key(window, "3", "F2")  # chosen before there are readings
-    until(lambda: computed(window))
+    ui.until(lambda: ui.predicted(window))
+    ui.key(window, "3", "F2")  # chosen before there are readings
+    ui.until(lambda: computed(window))
     assert "no readings" in window.views.bscan.note.text()
     window.commands.scan.trigger()
-    until(lambda: ended(window) and predicted(window) and computed(window))
-    until(lambda: len(window.session.shown.bscan.measured.headings) == ORDER.readings)
+    ui.until(lambda: ui.ended(window) and ui.predicted(window) and computed(window))
+    ui.until(lambda: len(window.session.shown.bscan.measured.headings) == ORDER.readings)
     assert window.views.bscan.choices.checkedAction().text() == "Recorded"
 
 
@@ -304,7 +292,7 @@ def trace(qtbot: QtBot, traced: Shown) -> TraceView:
     view = TraceView()
     alone(qtbot, view, 900, 400)
     view.show_state(traced)
-    until(lambda: view.plot.vb.width() > 600)
+    ui.until(lambda: view.plot.vb.width() > 600)
     return view
 
 
@@ -341,26 +329,26 @@ def test_a_trace_has_consistent_axes_and_every_mark_at_the_time_of_its_echo(trac
 def test_keys_switch_to_the_carrier_and_move_two_cursors(trace: TraceView, traced: Shown) -> None:
     label = trace.plot.getAxis("left")
     assert "dB" in label.labelText
-    key(trace, "R")
-    until(lambda: "signal" in label.labelText)
+    ui.key(trace, "R")
+    ui.until(lambda: "signal" in label.labelText)
     _, carrier = trace.predicted.getOriginalDataset()
     assert carrier.min() < -0.02 < 0.02 < carrier.max()
     assert "envelope only" in trace.title.text()
-    key(trace, "V")
-    until(lambda: "dB" in label.labelText)
+    ui.key(trace, "V")
+    ui.until(lambda: "dB" in label.labelText)
     assert trace.predicted.getOriginalDataset()[1].max() <= 0
 
     assert not trace.readout.isVisible()
-    key(trace, "C")
-    until(trace.readout.isVisible)
+    ui.key(trace, "C")
+    ui.until(trace.readout.isVisible)
     for start, end in zip(trace.cursors.times, (0.002, 0.005), strict=True):
-        drag(trace.canvas, trace.plot.vb, (start, -20.0), (end, -20.0))
+        ui.drag(trace.canvas, trace.plot.vb, (start, -20.0), (end, -20.0))
     first, second = trace.cursors.times
     assert (first, second) == pytest.approx((0.002, 0.005), abs=3e-5)
     read = [float(figure) for figure in re.findall(r"-?\d+\.\d+", trace.readout.text())]
     ways = [first * 1e3, first * 171.6, second * 1e3, second * 171.6]
     assert read == pytest.approx([*ways, (second - first) * 1e3, (second - first) * 171.6], abs=0.006)
-    key(trace, "Alt+Right", "Alt+Shift+Left")
+    ui.key(trace, "Alt+Right", "Alt+Shift+Left")
     assert trace.cursors.times[0] > first
     assert trace.cursors.times[1] < second
 
@@ -368,8 +356,8 @@ def test_keys_switch_to_the_carrier_and_move_two_cursors(trace: TraceView, trace
 def test_the_trace_follows_the_cursor_and_keeps_its_zoom(trace: TraceView, traced: Shown) -> None:
     cursors: list[Cursor | None] = []
     trace.gestures.pointed.connect(cursors.append)
-    QTest.mouseMove(trace.canvas.viewport(), pixel_at(trace.canvas, trace.plot.vb, (0.004, -20.0)))
-    until(lambda: bool(cursors) and cursors[-1] is not None)
+    QTest.mouseMove(trace.canvas.viewport(), ui.pixel_at(trace.canvas, trace.plot.vb, (0.004, -20.0)))
+    ui.until(lambda: bool(cursors) and cursors[-1] is not None)
     assert cursors[-1].range == pytest.approx(0.6864, abs=0.01)
     assert math.degrees(cursors[-1].heading) % 360 == pytest.approx(270.0)
     trace.show_state(replace(traced, cursor=Cursor(0.3, 0.5)))
@@ -427,13 +415,13 @@ def ranges(qtbot: QtBot, four: Shown) -> RangeView:
 
 
 def colour_at(view: pg.GraphicsView, box: pg.ViewBox, at: tuple[float, float]) -> QColor:
-    return view.grab().toImage().pixelColor(pixel_at(view, box, at))
+    return view.grab().toImage().pixelColor(ui.pixel_at(view, box, at))
 
 
 def test_residuals_are_measured_minus_predicted_and_beyond_the_scale_an_arrow(ranges: RangeView, four: Shown) -> None:
     for row in four.compared.stretches[0].comparison.rows:
         if row.kind in (Kind.MATCH, Kind.SHORT, Kind.LONG):
-            heading, residual = drawn(ranges.marks[1])[row.index]
+            heading, residual = ui.drawn(ranges.marks[1])[row.index]
             assert heading == pytest.approx(90 * row.index)
             assert residual == pytest.approx(float(np.clip(row.residual, -0.25, 0.25)))
     far = (four.row(0).predicted, None, four.row(2).predicted + 0.4, four.row(3).predicted - 0.2)
@@ -448,8 +436,8 @@ def test_residuals_are_measured_minus_predicted_and_beyond_the_scale_an_arrow(ra
     box = ranges.residuals.vb
     assert colour_at(ranges, box, (180, 0.25)).name() == QColor(four.look.palette.long).name()
     for away in (40, 0):
-        QTest.mouseMove(ranges.viewport(), pixel_at(ranges, box, (180, 0.25)) - QPoint(away, away))
-    until(lambda: "residual +400 mm" in box.toolTip())
+        QTest.mouseMove(ranges.viewport(), ui.pixel_at(ranges, box, (180, 0.25)) - QPoint(away, away))
+    ui.until(lambda: "residual +400 mm" in box.toolTip())
     ranges.show_state(replace(four, compared=None))
     assert not ranges.beyond[Kind.LONG].isVisible()
     for unit, small, scale in (
@@ -500,7 +488,7 @@ def cell(table: TableView, row: int) -> QPoint:
 
 def click_header(table: TableView, column: Column) -> None:
     header = table.view.horizontalHeader()
-    push(header.viewport(), QPoint(header.sectionPosition(column) + 20, 5))
+    ui.push(header.viewport(), QPoint(header.sectionPosition(column) + 20, 5))
 
 
 def clipboard_rows() -> list[dict[str, str]]:
@@ -533,9 +521,9 @@ def test_the_table_is_sorted_and_filtered_by_numbers_words_and_classes(table: Ta
     headings = [float(text.rstrip("°")) for text in listed(table, Column.HEADING)]
     assert headings == sorted(headings, reverse=True)
     table.view.scrollToTop()
-    push(table.view.viewport(), cell(table, 2))
+    ui.push(table.view.viewport(), cell(table, 2))
     assert picked[-1] == int(listed(table)[2])
-    key(table.view, "Down")
+    ui.key(table.view, "Down")
     assert picked[-1] == int(listed(table)[3])
     matches = table.model.rows.counts()[Kind.MATCH]
     table.show_state(replace(shown, hidden=frozenset((Kind.MATCH,))))
@@ -561,13 +549,13 @@ def test_copied_rows_are_csv_in_metres_and_degrees_with_any_look(table: TableVie
     assert [first["note"], silent["note"], copied[4]["note"]] == ['a door, "open"', text_cell("=1+1"), ""]
     assert (silent["measured_m"], silent["residual_m"], silent["class"]) == ("", "", "missed")
     table.words.setText("match")
-    push(table.copy)  # all listed rows, or the selected ones
+    ui.push(table.copy)  # all listed rows, or the selected ones
     assert [row["number"] for row in clipboard_rows()] == listed(table)
-    push(table.view.viewport(), cell(table, 0))
+    ui.push(table.view.viewport(), cell(table, 0))
     shift = Qt.KeyboardModifier.ShiftModifier
     QTest.mouseClick(table.view.viewport(), Qt.MouseButton.LeftButton, shift, pos=cell(table, 2))
     table.view.setFocus()
-    key(table.view, "Ctrl+C")
+    ui.key(table.view, "Ctrl+C")
     assert [row["number"] for row in clipboard_rows()] == listed(table)[:3]
 
 
@@ -589,7 +577,7 @@ def test_only_paths_and_sentences_are_cut_off_without_horizontal_scrolling(
     for pixels in (300, 1500, 300, width):
         table.resize(pixels, 200)
     view, header = table.view, table.view.horizontalHeader()
-    until(lambda: view.viewport().width() > width - 40)
+    ui.until(lambda: view.viewport().width() > width - 40)
     assert view.horizontalScrollBar().maximum() == 0
     assert {column for column in Column if view.isColumnHidden(column)} == left_out
     assert header.sortIndicatorSection() == Column.RESIDUAL
@@ -612,7 +600,7 @@ def test_a_long_sentence_is_shortened(qtbot: QtBot, monkeypatch: pytest.MonkeyPa
     sentence = Sentence()
     qtbot.addWidget(sentence)
     sentence.resize(500, 60)
-    with qtbot.waitExposed(sentence, timeout=PATIENCE):
+    with qtbot.waitExposed(sentence, timeout=ui.PATIENCE):
         sentence.show()
 
     def lines(label: QLabel) -> int:
@@ -645,7 +633,7 @@ def test_a_long_sentence_is_shortened(qtbot: QtBot, monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(Shown, "sentence", whole)
     sentence.show_state(Shown(scene))
     sentence.resize(20000, sentence.height())
-    until(lambda: "; ".join((sentence.head.text(), sentence.why.text())) == whole)
+    ui.until(lambda: "; ".join((sentence.head.text(), sentence.why.text())) == whole)
     assert sentence.toolTip() == ""
     assert shortened_to_lines("0.827 m at 270.0°", sentence.font(), 500, 2) == "0.827 m at 270.0°"
 
@@ -654,23 +642,23 @@ def test_the_card_leads_from_a_misfit_to_its_causes_and_to_all_echoes(window: Ma
     session, find = window.session, window.card.misfit_buttons[0]
     matches = [session.shown.row(k).kind is Kind.MATCH for k in range(len(session.shown.readings))]
     session.showing.choose(matches.index(True))
-    until(lambda: not find.isVisible())
+    ui.until(lambda: not find.isVisible())
     session.showing.edit(*sensor_at(session.shown.scene, (0.6, 0.2)))
 
     def misfits() -> list[int]:
         rows = [session.shown.row(k) for k in range(len(matches))]
         return [k for k, row in enumerate(rows) if row is not None and row.kind in MISFITS]
 
-    until(lambda: predicted(window) and misfits())
+    ui.until(lambda: ui.predicted(window) and misfits())
     session.showing.choose(misfits()[0])
-    until(find.isVisible)
-    key(window, "Ctrl+Shift+L")
-    until(lambda: window.views.echo_list.isVisible() and not window.views.echo_list.visibleRegion().isEmpty())
-    push(find)
-    until(lambda: session.causes.state.running)
+    ui.until(find.isVisible)
+    ui.key(window, "Ctrl+Shift+L")
+    ui.until(lambda: window.views.echo_list.isVisible() and not window.views.echo_list.visibleRegion().isEmpty())
+    ui.push(find)
+    ui.until(lambda: session.causes.state.running)
     assert not window.causes.visibleRegion().isEmpty()
-    push(window.causes.cancel)
-    until(lambda: not session.causes.state.running)
+    ui.push(window.causes.cancel)
+    ui.until(lambda: not session.causes.state.running)
 
 
 # dense scans
@@ -702,20 +690,20 @@ def test_a_dense_scan_is_compared_from_the_selected_reading_on_and_its_classes_c
     log = dense_log(tmp_path / "dense.mcap", scene, DENSE)
     window = open_with(source=log)
     session, views, activity = window.session, window.views, window.status_bar.activity
-    until(lambda: session.shown.row(DENSE - 1) is not None)
+    ui.until(lambda: session.shown.row(DENSE - 1) is not None)
     assert session.shown.row(0) is None
     assert set(session.shown.classes) >= {Unclassed.WAITING, Kind.MATCH}
     assert 0 < len(session.shown.classes[Unclassed.WAITING].readings) <= DENSE - STRETCH
-    until(lambda: "readings to compare" in activity.text())
+    ui.until(lambda: "readings to compare" in activity.text())
     assert window.legend.entries[Unclassed.WAITING].text().endswith(" not compared")
     assert LIGHT.of(Unclassed.WAITING) not in {LIGHT.of(kind) for kind in Kind}
     session.showing.choose(5)
     before = len(requests)
     gate.set()
-    until(lambda: predicted(window))
+    ui.until(lambda: ui.predicted(window))
     assert 0 in requests[before : before + 2]  # the request that was already waiting has the next stretch at the end
     assert Unclassed.WAITING not in session.shown.classes
-    until(lambda: "to compare" not in activity.text())
+    ui.until(lambda: "to compare" not in activity.text())
     expected = compare_readings(log.readings, scene.room, scene.pose, scene.board)  # as the command does
     assert [session.shown.row(k).kind for k in range(DENSE)] == [row.kind for row in expected.rows]
     assert expected.rows[SHORT.start].kind is Kind.SHORT
@@ -729,8 +717,8 @@ def test_a_dense_scan_is_compared_from_the_selected_reading_on_and_its_classes_c
     assert entry.text() == f"{sum(row.kind is Kind.SHORT for row in expected.rows)} short"
     marks = [views.plan.drawing.marks, *views.ranges.marks]
     for visible in (False, True):
-        push(entry)
-        until(lambda visible=visible: ("short" in classes()) is visible)
+        ui.push(entry)
+        ui.until(lambda visible=visible: ("short" in classes()) is visible)
         assert [Kind.SHORT in one.placed for one in marks] == [visible] * len(marks)
         assert entry.accessibleName().endswith("shown" if visible else "hidden")
 
@@ -738,10 +726,10 @@ def test_a_dense_scan_is_compared_from_the_selected_reading_on_and_its_classes_c
     session.showing.switch(ViewLayer.PREDICTED, False)
     drawing = views.plan.drawing
     drawing.plot.vb.autoRange()
-    pause(50)
-    image, ratio, positions = drawing.viewport().grab().toImage(), drawing.devicePixelRatioF(), drawn(drawing.marks)
+    ui.pause(50)
+    image, ratio, positions = drawing.viewport().grab().toImage(), drawing.devicePixelRatioF(), ui.drawn(drawing.marks)
     for reading, kind in (((SHORT.start + SHORT.stop) // 2, Kind.SHORT), (SHORT.stop + 200, Kind.MATCH)):
-        at = pixel_at(drawing, drawing.plot.vb, positions[reading])
+        at = ui.pixel_at(drawing, drawing.plot.vb, positions[reading])
         colour = image.pixelColor(round(at.x() * ratio), round(at.y() * ratio))
         own = QColor(session.shown.look.palette.of(kind)).getRgb()
         assert colour.getRgb() == pytest.approx(own, abs=30)  # lines of the grid are drawn over the marks
