@@ -152,11 +152,7 @@ def test_damage_is_counted_and_never_taken_for_a_reading(sketch: Sketch) -> None
             RADAR.query,
             r"mostly not text; the baud rate may not be 9600",
         ),
-        (
-            SKETCHES["Angle and Distance in words"].rounds,
-            "preset=maxbotix&step=5",
-            r"such as 'Angle: \d+.* expected 'R0123'",
-        ),
+        (SKETCHES["Angle and Distance in words"].rounds, "preset=maxbotix&step=5", r"such as 'Angle: .* expected 'R0"),
         (list, RADAR.query, "nothing was received; check the cable"),
     ],
     ids=["wrong baud rate", "another format", "silent"],

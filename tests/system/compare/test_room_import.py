@@ -204,11 +204,7 @@ _HUGE_BOX = (
         (lambda folder: _svg(folder, ""), {}, "mm: 0.32 by 0.24 m"),
         (_dxf, {"layers": ["WALLS"]}, "no layer 'WALLS' with lines; layers: 0"),
         (_gazebo, {"unit": "mm"}, "unit: room.world is in metres"),
-        (
-            lambda folder: _text(folder, '{"type": "Polygon", "coordinates": [[[0, 0], [3, 0], [3, 2]]]}'),
-            {},
-            "give the unit",
-        ),
+        (lambda to: _text(to, '{"type": "Polygon", "coordinates": [[[0, 0], [3, 0], [3, 2]]]}'), {}, "give the unit"),
         (lambda folder: _text(folder, "image: none.pgm\nresolution: 0.05\n"), {}, "none.pgm: no such file"),
         (lambda folder: _text(folder, "<robot name='r'/>"), {}, "is XML with the element <robot>"),
         (lambda folder: _text(folder, _HUGE_BOX), {}, "<size>: expected 3 numbers up to 1e9, got '1e308 1 1'"),

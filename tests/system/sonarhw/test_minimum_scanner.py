@@ -145,14 +145,16 @@ def test_a_minimum_scanner_passes_every_stage_and_scans(language: str, tmp_path:
         with Scanner.open(port) as scanner:
             readings = list(scanner.scan(sector(0, 60, 10)))
             turntable = {made.check: made for made in examine(scanner, True, None)}
-    assert (turntable["steps"].verdict, turntable["echo moves"].text) == (
-        "skip",
-        "the table does not turn as far as the check",
-    )
+    assert turntable["steps"].verdict == "skip"
+    assert turntable["echo moves"].text == "the table does not turn as far as the check"
     assert [round(reading.angle * 57.29578) for reading in readings] == [0, 10, 20, 30, 40, 50]
     assert all(reading.echo_times == (0.006,) for reading in readings)
 
 
+MEASURE = "    if scanning:\n        measure()"
+CONFIGURE = "elif kind == 0x02:"
+SETTINGS = ", 0x84, command, listen_us, blanking_us, 0"
+READING = ", 0x87, number, sweep, ping, angle, fired"
 # by name: what is replaced in the program, by what, and the stage and the words that name it
 FAULTS = {
     "big-endian CRC": ('"<I", crc32(body)', '">I", crc32(body)', "Hello", "CRC in big-endian order"),
@@ -164,12 +166,7 @@ FAULTS = {
     "silent": ("uart.write(stuff(", "len(stuff(", "Hello", "no byte in answer to Hello"),
     "short time": ('"<HQ", sequence, clock()', '"<HI", sequence, clock() % 2**32', "Hello", "has 8 bytes, not 4"),
     "command": ('"<BHBB", 0x81, command', '"<BHBB", 0x81, command + 1', "Hello", "in `command`"),
-    "only Hello": (
-        "elif kind == 0x02:",
-        "elif kind == 0x02:\n        return\n    elif False:",
-        "Configure",
-        "answers Hello, not Configure",
-    ),
+    "only Hello": (CONFIGURE, f"{CONFIGURE}\n        return\n    elif 0:", "Configure", "answers Hello, not Configure"),
     "own speed": ("blanking_us, 0, sound)", "blanking_us, 0, 343)", "Configure", "speed_of_sound 343"),
     "no heartbeat": ("if greeted and clock()", "if False and clock()", "Heartbeat", "no Heartbeat"),
     "no Finished": ("    send(finished)\n\n", "\n\n", "Home", "no Finished for Home"),
@@ -178,74 +175,24 @@ FAULTS = {
     "fired": ("head = struct", "fired = 0\n    head = struct", "StartScan", "fired_us"),
     "fired in ms": ("head = struct", "fired //= 1000\n    head = struct", "StartScan", "in the header of a frame"),
     "always forwards": ("index if sweep % 2 else index", "index if False else index", "StartScan", "runs backwards"),
-    "no readings": (
-        "    if scanning:\n        measure()",
-        "    if False:\n        measure()",
-        "StartScan",
-        "after each ping",
-    ),
+    "no readings": (MEASURE, "    if False:\n        measure()", "StartScan", "after each ping"),
     "wrong temperature": ("angle, fired, -32768", "angle, fired, 29300", "StartScan", "in 0.01 °C"),
-    "no temperature": (
-        '"<BIHBiQhB", 0x87, number, sweep, ping, angle, fired, -32768',
-        '"<BIHBiQB", 0x87, number, sweep, ping, angle, fired',
-        "StartScan",
-        "temperature i16",
-    ),
+    "no temperature": (f'BiQhB"{READING}, -32768', f'BiQB"{READING}', "StartScan", "temperature i16"),
     "wide count": ('"<BIHBiQhB"', '"<BIHBiQhH"', "StartScan", "echoes u32[]"),
     "no microsteps": ('"<hII", -32768, 0, 360', '"<hI", -32768, 0', "Hello", "microsteps u32"),
     "busy": ("3 if scanning else 0", "3 if scanning else 1", "Heartbeat", "HOMING"),
     "carries out again": ("if command == last and kind != 0x01", "if False", "repetition", "begins another scan"),
-    "another reading": (
-        "send(readings[kept])",
-        "send(readings[kept][:8] + bytes(4) + readings[kept][12:])",
-        "Resend",
-        "do not measure again",
-    ),
-    "deaf in a scan": (
-        "    if scanning:\n        measure()",
-        "    while scanning:\n        measure(), time.sleep(0.02)",
-        "Stop",
-        "each pass of the main loop",
-    ),
+    "another reading": ("send(readings[kept])", "send(readings[kept][:-1] + b'!')", "Resend", "do not measure again"),
+    "deaf": (MEASURE, "    while scanning:\n        measure(), time.sleep(0.02)", "Stop", "each pass of the main"),
     "endless scan": ("        finish(1)\n", "        pass\n", "Stop", "STOPPED"),
     "sequence": ("(sequence + 1) & 0xFFFF", "(sequence + 2) & 0xFFFF", "Hello or Configure", "follows"),
-    "prints JSON": (
-        "uart.write(stuff(",
-        "uart.write(b'{\"type\":1}\\n') or len(stuff(",
-        "Hello",
-        "text instead of frames",
-    ),
-    "late": (
-        "elif kind == 0x02:",
-        "elif kind == 0x02:\n        time.sleep(0.7)",
-        "Configure",
-        "answers Configure after",
-    ),
+    "prints JSON": ("uart.write(stuff(", 'uart.write(b"{}\\n") or len(stuff(', "Hello", "text instead of frames"),
+    "late": (CONFIGURE, f"{CONFIGURE}\n        time.sleep(0.7)", "Configure", "answers Configure after"),
     "late Hello": ("greeted = True\n", "greeted = True\n        time.sleep(1.2)\n", "Configure", "still answers Hello"),
-    "short Settings": (
-        '"<BHIIBI", 0x84, command, listen_us, blanking_us, 0, sound',
-        '"<BHIIB", 0x84, command, listen_us, blanking_us, 0',
-        "Configure",
-        "speed_of_sound u32",
-    ),
-    "no Accepted": (
-        'running, homed = command, True\n        reply(struct.pack("<BH", 0x82, command))',
-        "running, homed = command, True",
-        "Home",
-        "without Accepted before it",
-    ),
-    "deaf to repetition": (
-        "        send(answer)\n        if",
-        "        if",
-        "repetition",
-        "Finished of StartScan without Started",
-    ),
-    "refuses a repetition": (
-        "        send(answer)\n        if",
-        '        return refuse(command, BUSY, "done")\n        if',
-        "repetition",
-        "has the same sequence",
-    ),
+    "short Settings": (f'BI"{SETTINGS}, sound', f'B"{SETTINGS}', "Configure", "speed_of_sound u32"),
+    "no Accepted": ("True\n        reply(", "True\n        bool(", "Home", "without Accepted before it"),
+    "deaf to repetition": ("  send(answer)\n        if", "  if", "repetition", "Finished of StartScan without Started"),
+    "refuses a repetition": ("send(answer)\n", 'return refuse(command, 4, "")\n', "repetition", "the same sequence"),
     "no Resend": ("elif kind == 0x07 and", "elif kind == 0x17 and", "Resend", "every version has this command"),
     "milliseconds": ("sequence, clock()", "sequence, clock() // 1000", "clock", "times as fast"),
 }

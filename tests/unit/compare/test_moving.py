@@ -233,10 +233,7 @@ PLACED = [(0.5, -1.25, math.radians(30)), (0.75, -1.0, math.radians(90)), None]
     ("text", "options"),
     [
         ("t_s,heading_deg,range_cm,x_m,y_m,yaw_deg\n" + ROWS, {}),
-        (
-            "t,a,b,px,py,turn\n" + ROWS,
-            {"heading": "a", "range": "b", "unit": "cm", "x": "px", "y": "py", "yaw": "turn"},
-        ),
+        ("t,a,b,u,v,w\n" + ROWS, {"heading": "a", "range": "b", "unit": "cm", "x": "u", "y": "v", "yaw": "w"}),
     ],
     ids=["header", "named columns"],
 )

@@ -47,10 +47,7 @@ def test_the_table_of_the_document_lists_every_fault_with_its_default_size() -> 
         ("drop=1/5000,flip=1e-4,drift=-20,protocol=0.9", Faults(1 / 5000, 1e-4, drift=-20, protocol=(0, 9))),
         ("protocol=255.255", Faults(protocol=(255, 255))),
         ("reset@r20", Faults(events=(Event(FaultKind.RESET, 0.5, pings=20),))),
-        (
-            "stall=0.4@12.5,stall=0@0",
-            Faults(events=tuple(Event(FaultKind.STALL, *e) for e in ((0.4, 12.5), (0.0, 0.0)))),
-        ),
+        ("stall=0.4@12.5,stall=0@0", Faults(events=(Event(FaultKind.STALL, 0.4, 12.5), Event(FaultKind.STALL, 0, 0)))),
         ("unplug=2@~30", Faults(events=(Event(FaultKind.UNPLUG, 2.0, 30, repeats=True),))),
         ("wedge", Faults(events=(Event(FaultKind.WEDGE, math.inf, 0),))),
     ],

@@ -62,10 +62,7 @@ ASSEMBLED: dict[str, tuple[list[msg.Message], list[tuple[int, float | None]]]] =
         [made(0), made(1), msg.Finished(2, 0, 2, ""), made(0, 10_000_000), made(1, 10_000_001)],
         [(0, None), (1, None)] * 2,
     ),
-    "a restarted device": (
-        [made(0), made(1), msg.Info(1, 1, 0, "", "", "", 2000, 0, 0), made(0)],
-        [(0, None), (1, None), (0, None)],
-    ),
+    "a restarted device": ([made(0), msg.Info(1, 1, 0, "", "", "", 2000, 0, 0), made(0)], [(0, None), (0, None)]),
     "a chunk without a period": ([made(1), msg.TraceChunk(1, 0, 4, 0, 0, b"\1\1")], [(1, None)]),
     "a chunk beyond the end": ([made(1), msg.TraceChunk(1, 3, 4, 20_000, 0, b"\1\1")], [(1, 0.0)]),
     "an empty chunk": ([made(1), msg.TraceChunk(1, 0, 0, 20_000, 0, b"")], [(1, None)]),
