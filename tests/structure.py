@@ -1,4 +1,4 @@
-"""Report how the repository is built: small modules, import and include cycles, repeated names, disallowed words.
+"""Report how the repository is built: small modules, import and include cycles, repeated names.
 
 Run `python -m tests.structure`. `tests/unit/test_structure.py` checks the limits.
 """
@@ -7,7 +7,7 @@ import ast
 import re
 import sys
 import tomllib
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
@@ -16,23 +16,9 @@ from grimp import ImportGraph
 
 from tests.checkout import CHECKOUT
 
-TOP_FOLDERS = (
-    *("sonarhw", "sim", "compare", "gui", "cli", "rooms", "firmware", "tests", "benchmarks", "docs", "requirements"),
-)
 OTHER_PACKAGES = ("tests", "benchmarks")
 SMALL = 150  # code lines
 GENERATED = ("build", "__pycache__")
-
-# rule 2 of the guide to plain English: programs are not people
-WORDS = {
-    "tell": r"tells?|told|telling",
-    "hands on": r"hand(?:s|ed|ing)? on",
-    "nobody": r"nobody|whoever|somebody",
-    "asked": r"asked",
-    "knows": r"knows",
-    "hears": r"hears about",
-    "minds": r"minds",
-}
 
 Cycle = list[str]
 Edges = dict[str, set[str]]
@@ -156,23 +142,6 @@ def _repeated(named: Iterable[tuple[str, Path]]) -> dict[str, list[str]]:
     return {name: found for name, found in sorted(places.items()) if len(found) > 1}
 
 
-def word_counts() -> dict[str, Counter[str]]:
-    """Count the words of `WORDS` in each top folder, in the pages beside them and in the help of all commands."""
-    texts: dict[str, list[str]] = defaultdict(list)
-    for path in files_below(*TOP_FOLDERS, suffixes=(".py", ".c", ".h", ".md", ".toml")):
-        if path != Path(__file__):  # this file names the words
-            texts[path.relative_to(CHECKOUT).parts[0]].append(path.read_text())
-    texts["*.md"] = [path.read_text() for path in sorted(CHECKOUT.glob("*.md"))]
-    texts["--help"] = list(help_texts().values())
-    return {place: _words_in("\n".join(found)) for place, found in texts.items()}
-
-
-def _words_in(text: str) -> Counter[str]:
-    # also within identifiers: `tell_all`, `was_told`
-    counted = {word: re.findall(rf"(?<![a-z])(?:{pattern})(?![a-z])", text.lower()) for word, pattern in WORDS.items()}
-    return Counter({word: len(found) for word, found in counted.items()})
-
-
 def help_texts() -> dict[str, str]:
     """Return what `--help` prints, for each command."""
     import typer
@@ -207,9 +176,6 @@ def report() -> Iterator[str]:
     yield f"public class names used twice in the installed packages: {len(repeated)}"
     yield from (f"  {name}: {' '.join(places)}" for name, places in repeated.items())
     yield f"installed top-level names: {' '.join(installed_packages())}"
-    yield f"{'words of rule 2':<16}" + "".join(f"{word:>10}" for word in WORDS)
-    for place, words in word_counts().items():
-        yield f"  {place:<14}" + "".join(f"{words[word]:10}" for word in WORDS)
 
 
 if __name__ == "__main__":
