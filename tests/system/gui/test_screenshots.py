@@ -1,9 +1,7 @@
-"""Pictures of the window in the demo room: every view, the panels, a live scan, a replay.
+"""Pictures of the window in the demo room that docs/screenshots contains: views, panels, a live scan, a replay.
 
-With --soak; `test_screens.py` opens every view and panel too, `test_application.py` scans and replays.
-SONARHW_SCREENSHOTS=FOLDER writes them to a folder, in both palettes and two sizes. Without it, they are taken in one
-look and not saved. QT_SCALE_FACTOR=2 takes them at 200 %. docs/screenshots contains some of them, and
-docs/how_to/window.md explains them.
+With --soak. SONARHW_SCREENSHOTS=FOLDER writes them to a folder, in both palettes and two sizes; without it, they are
+taken in one look. QT_SCALE_FACTOR=2 takes them at 200 %. docs/how_to/window.md explains them.
 """
 
 import io
@@ -19,7 +17,7 @@ from PySide6.QtWidgets import QWidget
 from sonarhw_cli.app import run
 from sonarhw_gui.model.look import DARK, LIGHT, Palette
 from sonarhw_gui.model.scene import Scene, scene_of_log
-from sonarhw_gui.session.scanner import ScannerTarget, ScanSettings
+from sonarhw_gui.session.scanner import ScanSettings
 from sonarhw_gui.window.window import MainWindow
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.room_echoes import RoomEchoes
@@ -27,15 +25,13 @@ from sonarhw_sim.room.room import load_room
 
 from sonarhw.device.fake_board import FakeBoard
 from sonarhw.device.served import Pace, serve
-from sonarhw.errors import InputError
 from sonarhw.host.scanner import Scanner
-from sonarhw.link import Port, Usb
 from sonarhw.log import read_log
 from sonarhw.readings import ScanOrder
 from tests.fixtures.window_scan import recorded_scan
 from tests.fixtures.window_scene import ROOM
 from tests.system.gui.conftest import OpenWith
-from tests.system.gui.driving import click, dialog_of, drawn, ended, pause, predicted, until
+from tests.system.gui.driving import dialog_of, ended, pause, predicted, until
 
 FOLDER = os.environ.get("SONARHW_SCREENSHOTS")
 SMALL, LARGE = (1280, 800), (1920, 1080)
@@ -46,8 +42,8 @@ ORDER = ScanOrder(0.0, radians(3), HEADINGS, sweeps=2)  # the second sweep leave
 LIVE_UP_TO = 84  # readings in the picture of the running scan
 SELECTED, SELECTED_LIVE, SELECTED_FOR_TRACE = 38, 74, 74  # the readings that the pictures explain
 # shares of the views on the right
-TRACE, RANGES, TABLE, PANEL = (500, 120, 60), (60, 560, 60), (60, 240, 400), (60, 60, 600)
-PORTS = [Port("/dev/ttyACM0", "ttyACM0", Usb(0x2341, 0x0042, "1234", None)), Port("/dev/ttyS0", "n/a")]
+TRACE, PANEL = (500, 120, 60), (60, 60, 600)
+pytestmark = pytest.mark.soak
 
 
 class Album:
@@ -63,8 +59,6 @@ class Album:
         image, scale = part.grab().toImage(), part.devicePixelRatioF()
         if part.isWindow() and isinstance(part, MainWindow):
             assert (image.width(), image.height()) == tuple(round(scale * length) for length in self._size)
-        if FOLDER is None:
-            return  # compressing would take a third of the time
         unusual = {"-dark": self._dark, f"-{self._size[0]}": self._size != SMALL, f"-at-{100 * scale:.0f}": scale != 1}
         kept = QBuffer()
         kept.open(QBuffer.OpenModeFlag.WriteOnly)
@@ -104,9 +98,9 @@ def at_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.fixture(scope="module")
 def bench() -> Scene:
     """Return the laboratory. If no picture is saved, the small room: it takes half of the time."""
-    file, place = (ROOM.with_name("laboratory.toml"), "bench") if FOLDER else (ROOM, "figure9")
-    room = load_room(file)
-    return Scene(room, room.place(place), load_board("polaroid-6500"), file.name)
+    name, place = ("laboratory", "bench") if FOLDER else ("simple", "figure9")
+    room = load_room(name)
+    return Scene(room, room.place(place), load_board("polaroid-6500"), f"{name}.toml")
 
 
 @pytest.fixture(scope="module")
@@ -157,7 +151,6 @@ def dock(window: MainWindow, name: str) -> None:
     pause(200)
 
 
-@pytest.mark.soak
 def test_pictures_of_the_demo_live_and_in_replay(
     open_with: OpenWith,
     album: Album,
@@ -190,115 +183,44 @@ def test_pictures_of_the_demo_live_and_in_replay(
         recording = window.session.status.job.recording
         window.close()
     replay = open_with(scene=bench, source=read_log(recording), source_name=recording.name)
-    show_replay(with_look(replay, look), album)
+    with_look(replay, look)
+    until(lambda: predicted(replay))
+    replay.session.replay.seek(0.75 * replay.session.replay.duration)
+    replay.session.showing.choose(SELECTED)
+    replay.session.replay.toggle()
+    until(lambda: replay.status_bar.badge.text() == "replay" and replay.session.status.rate > 0)
+    until(lambda: traced(replay))
+    album.keep(replay, "replay")
 
 
-def show_replay(window: MainWindow, album: Album) -> None:
-    until(lambda: predicted(window))
-    window.session.replay.seek(0.75 * window.session.replay.duration)
-    window.session.showing.choose(SELECTED)
-    window.session.replay.toggle()
-    until(lambda: window.status_bar.badge.text() == "replay" and window.session.status.rate > 0)
-    until(lambda: traced(window))
-    album.keep(window, "replay")
-
-
-@pytest.mark.soak
-def test_pictures_of_every_view(
+def test_pictures_of_views_panels_and_import(
     open_with: OpenWith, album: Album, look: tuple[Palette, tuple[int, int]], bench: Scene, scan: Path
 ) -> None:
-    window = with_look(
-        open_with(scene=bench, source=read_log(scan), source_name="bench.mcap", find_scanner=nowhere), look
-    )
-    until(lambda: predicted(window))
-    window.session.showing.choose(SELECTED)
-    until(lambda: traced(window))
-    album.keep(window, "plan")
-    show_large_views(window, album)
-    window.session.showing.choose(SELECTED_FOR_TRACE)
-    until(lambda: traced(window))
-    for sizes, name in ((TRACE, "trace"), (RANGES, "ranges"), (TABLE, "table")):
-        share(window, sizes)
-        pause(50)
-        album.keep(window, name)
-    share(window, TRACE)
-    window.views.trace.rf.trigger()
-    window.views.trace.cursors_shown.trigger()
-    pause(50)
-    album.keep(window, "trace-rf")
-    window.views.trace.cursors_shown.trigger()
-    window.views.trace.envelope.trigger()
-    show_panels(window, album)
-    show_dialogs(window, album)
-
-
-def test_picture_of_the_question_in_the_readme(
-    open_with: OpenWith, album: Album, look: tuple[Palette, tuple[int, int]], tmp_path: Path
-) -> None:
-    """Why does heading 270° in the simple room read 0.827 m? As in the README: a log, a click, a sentence."""
-    log, to = tmp_path / "figure9.mcap", "--place figure9 --board paper --out"
-    assert run(["simulate", str(ROOM), *to.split(), str(log)]) == 0
-    opened = read_log(log)
-    window = open_with(scene=scene_of_log(opened.metadata), source=opened, source_name=log.name)
-    with_look(window, look)
-    until(lambda: predicted(window))
-    ranges = window.views.ranges
-    click(ranges, ranges.ranges.vb, drawn(ranges.marks[0])[54])
-    until(lambda: traced(window))
-    assert window.sentence.text() == (
-        "0.827 m at 270.0°: three reflections, bottom, top, bottom; the near wall (0.085 m) lies within blanking"
-    )
-    window.views.plan.drawing.plot.vb.setRange(yRange=(-0.85, 0.8), padding=0)  # the reading is beyond the wall
-    pause(100)
-    album.keep(window, "why")
-    show_questions(window, album)
-
-
-def show_questions(window: MainWindow, album: Album) -> None:
-    """A heading without a reading, with its echoes; then the sound at 270°."""
-    echoes = window.views.echo_list
-    next(dock for dock in window.views.docks if dock.isAncestorOf(echoes)).raise_()
-    for heading, name in ((200.0, "ask"), (270.0, "sound")):
-        window.session.showing.ask(radians(heading))
-        until(lambda title=f"{heading}°": echoes.title.text().startswith(title))
-        if name == "ask":
-            echoes.table.selectRow(2)
-        else:
-            window.commands.play_sound.trigger()
-            until(lambda: window.session.shown.sound is not None)
-            window.session.sound.seek(1.35e-3)
-        pause(100)
-        album.keep(window, name)
-
-
-def show_large_views(window: MainWindow, album: Album) -> None:
+    window = with_look(open_with(scene=bench, source=read_log(scan), source_name="bench.mcap"), look)
     plan, beside, images = window.commands.views
+    session, views = window.session, window.views
+    until(lambda: predicted(window))
+    session.showing.choose(SELECTED)
+    until(lambda: traced(window))
     beside.trigger()
     pause(50)
     album.keep(window, "side-by-side")
     images.trigger()
-    window.views.bscan.choices.actions()[3].trigger()
-    until(lambda: window.session.shown.bscan is not None and not window.views.bscan.note.text())
+    views.bscan.choices.actions()[3].trigger()
+    until(lambda: session.shown.bscan is not None and not views.bscan.note.text())
     pause(200)
     album.keep(window, "bscan")
-    window.views.bscan.choices.actions()[0].trigger()
-    window.views.bscan.polar.trigger()
-    until(
-        lambda: (
-            window.session.shown.bscan.settings == window.views.bscan.settings and not window.views.bscan.note.text()
-        )
-    )
-    pause(200)
-    album.keep(window, "bscan-polar")
     plan.trigger()
-
-
-def show_panels(window: MainWindow, album: Album) -> None:
+    session.showing.choose(SELECTED_FOR_TRACE)
+    until(lambda: traced(window))
+    share(window, TRACE)
+    pause(50)
+    album.keep(window, "trace")
     dock(window, "Room")
-    window.views.plan.drawing.controller.choose_surface(window.session.shown.scene.room.names[0])
+    views.plan.drawing.controller.choose_surface(session.shown.scene.room.names[0])
     pause(50)
     album.keep(window, "room")
-    window.views.plan.drawing.controller.choose_surface(None)
+    views.plan.drawing.controller.choose_surface(None)
     share(window, PANEL)
     dock(window, "Fit")
     if FOLDER:  # a fit takes a while
@@ -308,30 +230,7 @@ def show_panels(window: MainWindow, album: Album) -> None:
         until(lambda: table.height() >= table.sizeHint().height())
     pause(50)
     album.keep(window, "fit")
-    dock(window, "")
-
-
-def nowhere(url: str) -> ScannerTarget:
-    raise InputError(f"{url}: leads nowhere")
-
-
-def show_dialogs(window: MainWindow, album: Album) -> None:
-    scanners = window.session.scanners
-    scanners.find_ports, scanners.probe = lambda: PORTS, lambda device: (True, "scanner POL-7")
-    window.commands.connect_scanner.trigger()
-    dialog = dialog_of(window)
-    until(lambda: not scanners.busy and dialog.ports.rowCount() == len(PORTS))
-    album.keep(dialog, "connect")
-    dialog.close()
-    window.commands.show_help.trigger()
-    pause(50)
-    album.keep(dialog_of(window), "help")
-    dialog_of(window).close()
-    show_import_dialog(window, album)
-
-
-def show_import_dialog(window: MainWindow, album: Album) -> None:
-    window.session.open_file(str(EXAMPLE))
+    session.open_file(str(EXAMPLE))
     until(lambda: dialog_of(window) is not None)
     dialog = dialog_of(window)
     dialog.fields["no_echo"].setText("255")
@@ -340,3 +239,22 @@ def show_import_dialog(window: MainWindow, album: Album) -> None:
     pause(100)  # the layout follows
     album.keep(dialog, "import")
     dialog.close()
+
+
+def test_picture_of_a_heading_without_a_reading(
+    open_with: OpenWith, album: Album, look: tuple[Palette, tuple[int, int]], tmp_path: Path
+) -> None:
+    log = tmp_path / "figure9.mcap"
+    assert run(["simulate", str(ROOM), "--place", "figure9", "--board", "paper", "--out", str(log)]) == 0
+    opened = read_log(log)
+    window = open_with(scene=scene_of_log(opened.metadata), source=opened, source_name=log.name)
+    with_look(window, look)
+    until(lambda: predicted(window))
+    window.views.plan.drawing.plot.vb.setRange(yRange=(-0.85, 0.8), padding=0)  # a reading is beyond the wall
+    echoes = window.views.echo_list
+    next(dock for dock in window.views.docks if dock.isAncestorOf(echoes)).raise_()
+    window.session.showing.ask(radians(200))
+    until(lambda: echoes.title.text().startswith("200.0°"))
+    echoes.table.selectRow(2)
+    pause(100)
+    album.keep(window, "ask")
