@@ -43,8 +43,8 @@ def awaited(observe: Callable[[], Seen], what: str) -> Seen:
 class Outside:
     """A process of `sonarhw gui` with its own data folder; killed if a test leaves it running."""
 
-    def __init__(self, data: Path, *arguments: str) -> None:
-        command = [sys.executable, "-c", "from sonarhw_cli.entry import main; main()", "gui", *arguments]
+    def __init__(self, data: Path) -> None:
+        command = [sys.executable, "-c", "from sonarhw_cli.entry import main; main()", "gui"]
         environment = {**os.environ, "XDG_DATA_HOME": str(data), "XDG_CONFIG_HOME": str(data), "HOME": str(data)}
         self._process = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True)
         self._recordings = data / "sonarhw" / "recordings"
@@ -62,13 +62,10 @@ class Outside:
 
     def _find(self) -> str:
         assert self._process.poll() is None, self._process.communicate()[1]
-        return self._windows("^sonarhw — ")
-
-    def _windows(self, title: str) -> str:
-        """Return the numbers of the visible windows of the program whose title matches an expression, one a line."""
-        named = ["--all", "--onlyvisible", "--pid", str(self._process.pid), "--name", title]
-        search = ["xdotool", "search", *named]
-        return subprocess.run(search, capture_output=True, text=True, timeout=HANG).stdout.strip()
+        visible = ["--all", "--onlyvisible", "--pid", str(self._process.pid), "--name", "^sonarhw — "]
+        return subprocess.run(
+            ["xdotool", "search", *visible], capture_output=True, text=True, timeout=HANG
+        ).stdout.strip()
 
     def ended(self) -> tuple[int, str]:
         """Wait for the end; return the exit status and standard error."""
@@ -88,21 +85,6 @@ class Outside:
     def key(self, *keys: str) -> None:
         """Press keys in sequence."""
         _xdotool("key", "--delay", "40", *keys)
-
-    def answer(self, dialog: str, *keys: str) -> None:
-        """Press keys in a dialog with this title until it is closed."""
-
-        def found() -> str:
-            return self._windows(f"^{dialog}$")
-
-        def closed() -> bool:
-            self.key(*keys)
-            return not found()
-
-        window = awaited(found, f"the dialog {dialog}")
-        _xdotool("windowfocus", "--sync", window)
-        awaited(closed, "the end of the dialog")
-        _xdotool("windowfocus", "--sync", self._window)
 
     def click(self, at: Pixel) -> None:
         """Click a pixel of the window."""

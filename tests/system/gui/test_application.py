@@ -194,20 +194,6 @@ def clicked_reading(program: Outside) -> tuple[float, str] | None:
     return (heading, distance) if abs((heading - towards + 180) % 360 - 180) < 2 else None
 
 
-@pytest.mark.usefixtures("qapp")
-def test_a_csv_scan_is_shown_in_the_given_room(tmp_path: Path) -> None:
-    (tmp_path / "turret.csv").write_text(CSV)
-    with Outside(tmp_path, str(tmp_path / "turret.csv"), str(ROOM), "--place", "figure9") as program:
-        title = "Simple room · place figure9 · imported readings — turret.mcap · simple.toml"
-        program.answer("Import turret.csv", "Return")
-        awaited(lambda: program.title == title, "room, place and origin")
-        awaited(lambda: program.badge(LIGHT.replay), "the badge of a replay")
-        awaited(lambda: shown_reading(program)[1] == "0.657 m", "its last reading")
-        program.key("ctrl+q")
-        assert program.ended() == (0, "")
-    assert [path.name for path in program.recordings] == ["turret.mcap"]
-
-
 @pytest.mark.usefixtures("qapp")  # for screen and clipboard
 def test_scan_select_drag_undo_close_during_a_scan_and_restore(tmp_path: Path) -> None:
     with Outside(tmp_path) as program:

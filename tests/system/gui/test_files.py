@@ -240,6 +240,11 @@ def test_a_scan_of_another_program_needs_only_enter(open_with: OpenWith, tmp_pat
     until(dialog_of(window).import_button.isEnabled)
     key(dialog_of(window), "Return")
     until(lambda: len(window.session.shown.readings) == 18)
+    started = open_with(source_file=csv, more_files=(other,))
+    until(lambda: (asked := dialog_of(started)) is not None and asked.windowTitle() == "Import turret.csv")
+    dialog_of(started).reject()
+    until(lambda: (asked := dialog_of(started)) is not None and asked.windowTitle() == "Import other.txt")
+    dialog_of(started).reject()
 
 
 def test_an_unknown_place_warns_until_it_is_set(open_session: OpenSession, scene: Scene, recorded: Path) -> None:
