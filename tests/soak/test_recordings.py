@@ -1,10 +1,14 @@
-"""A disk that fills and a log that is deleted, at random writes of each recorder: no shown reading is lost."""
+"""Recordings that take hours, are killed, or meet a disk that fills and a log that is deleted."""
 
 import errno
 import math
 import os
 import random
+import signal
+import sys
+import threading
 from collections.abc import Callable
+from contextlib import nullcontext
 from importlib.metadata import EntryPoint
 from io import FileIO
 from pathlib import Path
@@ -19,14 +23,106 @@ from sonarhw_sim.board.profile import load_board
 import sonarhw
 from sonarhw.device.fake_board import FakeBoard
 from sonarhw.device.served import serve
-from sonarhw.log import read_log
+from sonarhw.host.scripts import configuring
+from sonarhw.log import Log, LogWriter, read_log
 from sonarhw.plugins import device_plugin
 from sonarhw.readings import ScanOrder
+from sonarhw.wire.messages import StartScan
 from tests.checkout import CHECKOUT
 from tests.conftest import Count
+from tests.fixtures import commands
+from tests.fixtures.bench import TRACES, Bench
+from tests.fixtures.commands import lines, started
+from tests.fixtures.example_logs import METADATA
 from tests.fixtures.plain_echoes import PlainEchoes
 from tests.fixtures.text_devices.printing_device import PrintingDevice
 from tests.system.cli.instrument.test_lines_command import RADAR
+
+# memory during long scans with traces: a minute in a normal run, with `--soak` an hour, on a virtual clock
+
+
+SWEEP = 180  # headings, some 18 s
+SLACK = 1000  # temporary allocated blocks
+INDEX = 24  # allocated blocks per reading in the index that closes a log, less than a kilobyte
+
+
+@pytest.mark.parametrize("recorded", [False, True], ids=["scanning", "recording"])
+def test_memory_grows_only_by_the_index_of_the_log(tmp_path: Path, count: Count, recorded: bool) -> None:
+    sweeps = count(4, 200)
+    path = tmp_path / "hour.mcap"
+    bench = Bench().connect()
+    with LogWriter(path, METADATA) if recorded else nullcontext() as writer:
+        bench.session.recording.use(writer)
+        half, end = blocks_while_scanning(bench, sweeps)
+    readings = (sweeps - 1 - sweeps // 2) * SWEEP
+    assert end - half < SLACK + (INDEX * readings if recorded else 0)
+    if recorded:
+        log = read_log(path)
+        assert log.torn is None
+        assert len(log.readings) == sweeps * SWEEP
+
+
+def blocks_while_scanning(bench: Bench, sweeps: int) -> tuple[int, int]:
+    """Return the numbers of allocated blocks after half of the sweeps and after all but one."""
+    bench.do(configuring(TRACES))
+    scan, sizes = bench.scan(StartScan(0, 1_000_000, SWEEP, sweeps, 1)), []
+    for sweep in (sweeps // 2, sweeps - 1):
+        while not scan.readings or scan.readings[-1].number < sweep * SWEEP:
+            bench.echoes.pings.clear()
+            while len(scan.readings) > 1:
+                scan.readings.popleft()
+            bench.step()
+        sizes.append(sys.getallocatedblocks())
+    bench.until(lambda: scan.done)
+    return sizes[0], sizes[1]
+
+
+# after kill -9 the log opens and contains every reading that was printed
+
+
+LONG = ("--step", "1", "--sweeps", "400")  # always killed early
+TAIL = 4096  # bytes
+
+
+def test_every_reading_delivered_before_the_kill_is_in_the_log(tmp_path: Path, count: Count) -> None:
+    chance = random.Random(11)
+    for kill in range(count(2, 200)):
+        log = tmp_path / f"{kill}.mcap"
+        with serve(FakeBoard(PlainEchoes(), seed=2), tcp="127.0.0.1:0", pace=20.0) as endpoint:
+            traces = ("--traces",) if kill % 2 else ()
+            with started("scan", endpoint.url, "--out", log, "--print", *LONG, *traces) as process:
+                printed = lines(process, chance.randrange(1, 400))
+                threading.Event().wait(chance.uniform(0, 0.05))
+                process.send_signal(signal.SIGKILL)
+                printed += process.stdout.readlines()
+                assert process.wait() == -signal.SIGKILL
+        headings = [line.split(",")[1] for line in printed[1:] if line.endswith("\n")]
+        assert_contains(read_log(log), headings)
+
+
+def assert_contains(log: Log, headings: list[str]) -> None:
+    """Assert that the log begins with readings at these headings."""
+    recorded = [f"{math.degrees(reading.angle):.9g}" for reading in log.readings]
+    assert recorded[: len(headings)] == headings
+
+
+def test_a_log_cut_at_each_byte_of_its_tail_opens(tmp_path: Path, count: Count) -> None:
+    whole, torn = tmp_path / "whole.mcap", tmp_path / "torn.mcap"
+    with serve(FakeBoard(PlainEchoes(), seed=2), tcp="127.0.0.1:0", pace="max") as endpoint:
+        assert commands.sonarhw("scan", endpoint.url, "--out", whole, "--step", "30", "--traces").returncode == 0
+    data, before = whole.read_bytes(), 0
+    assert read_log(whole).torn is None
+    for at in range(len(data) - TAIL, len(data), count(101, 1)):
+        torn.write_bytes(data[:at])
+        log = read_log(torn)
+        assert log.torn is not None
+        assert before <= len(log.readings) <= 12
+        before = len(log.readings)
+    assert before == 12
+
+
+# at random writes of each recorder: no shown reading is lost
+
 
 ORDER = ScanOrder(0.0, math.radians(5), 72)
 Recorder = Callable[[str, Path, pytest.CaptureFixture[str]], list[str]]
