@@ -495,11 +495,11 @@ def _why_not_open(url: str, error: Exception) -> LinkError:
             f"{url}: there is no such port; {port[0]} is a name on Windows; here, ports have names such as "
             "/dev/ttyUSB0; `sonarhw ports` lists the existing ones"
         )
-    if code == errno.ENOENT or "FileNotFoundError" in text:
+    if code in (errno.ENOENT, errno.ENOTDIR) or "FileNotFoundError" in text:
         is_address = re.fullmatch(r"[\w.-]+:\d+|\d+(\.\d+){3}", url) is not None
         likely = f"socket://{url}{'' if ':' in url else ':PORT'}" if is_address else f"/dev/{url}"
         is_device = url.startswith(("tty", "cu.")) or os.path.exists(likely)
-        if rate := re.fullmatch(r"(/dev/[^:,;@ ]+|COM\d+)[:,;@ ](\d+)", url):
+        if rate := re.fullmatch(r"(/dev/[^:,;@? ]+|COM\d+)[:,;@? ](?:baud\w*=)?(\d+)(?:&.*)?", url):
             return LinkError(
                 f"{url}: there is no such port; did you mean {rate[1]}, or lines:{rate[1]}?baud={rate[2]}&preset=NAME "
                 "for a device that prints text?"

@@ -8,28 +8,42 @@ import difflib
 import os
 import re
 import shlex
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import islice, pairwise, takewhile
+from itertools import islice, pairwise
 from pathlib import Path
 from typing import Any
 
 import typer
 
 from sonarhw_cli import options, other_words
-from sonarhw_cli.word_kinds import expected_of, kind_of, option_taking, use_of, written_option
+from sonarhw_cli.refused_line import (
+    ALIKE,
+    NUMBERS,
+    RefusedLine,
+    about_format,
+    first,
+    joined,
+    line_of,
+    meant,
+    nearest,
+    option_named,
+    options_writing,
+    without_space,
+    written_elsewhere,
+)
+from sonarhw_cli.word_kinds import kind_of, option_taking, use_of
 
 _SHORTENED = 3  # letters of a command at least, such as `sim`
-_ALIKE = 0.75  # similarity of a word that is proposed; below, it is another word
-_OPTION_ALIKE = 0.8  # the same for options of this command
-_VERY_ALIKE = 0.85  # the same for options of other commands
-_VAGUE = ("file", "name", "path", "the")  # parts of words such as --room-file
+_OPTION_ALIKE, _VERY_ALIKE = 0.8, 0.85  # similarity of options of this command and of others
 _MOST_FILES = 1000  # of a folder that are compared with a name
-_MOST_LISTED = 6  # options of a command with few
+# parts of words such as --room-file
+_VAGUE = ("also", "each", "file", "from", "name", "only", "path", "print", "the", "with", "write")
+_MOST_ALIKE, _MOST_LISTED = 6, 12  # options with the same start, and those of a command with few
 _UNIT = re.compile(r"(degrees|metres|seconds|Hz|°C|m/s)\b")
 _PLACE = re.compile(r"[a-z]\w*|-?[\d.]+(,-?[\d.]+){1,2}")
-_NUMBERS, _NAMES = re.compile(r"-?[\d.,]+"), re.compile(r"[a-z_]+,?")
+_RATE = re.compile(r"\d{4,}")  # of a serial port
 # what a word without a command is given to, by its kind
 _FIRST_COMMANDS = {
     "log": "gui {}",
@@ -41,7 +55,15 @@ _FIRST_COMMANDS = {
     "scan": "import {} --out LOG.mcap",
     "URL": "scan {} --out LOG.mcap",
 }
-_HELP = ("help", "man")
+# URLs that are divided at a space, and how to write them
+_DIVIDED_URLS = (
+    (r"(socket://[^:]+) (\d+)", "{}:{}"),
+    (r"fake:? ([\w.]+)", "'fake:{}?place=NAME'"),
+    (r"lines:? ([\w./]+)", "'lines:{}?baud=9600&preset=NAME'"),
+    (r"((?:fake|lines):[^?]+) (\w+=.+)", "'{}?{}'"),
+    (r"((?:fake|lines):.+) (\w+=.+)", "'{}&{}'"),
+)
+_HELP = ("?", "about", "docs", "examples", "h", "help", "license", "man", "manual", "tutorial", "usage")
 _OF_A_FILE = {"log": "info", "profile": "check", "room": "check"}  # the command of a group that describes a file
 # phrases in the messages of the option parser about numbers, and their replacements
 _REWORDED = (
@@ -52,154 +74,16 @@ _REWORDED = (
 )
 
 
-@dataclass(frozen=True)
-class _Line:
-    """A refused command line, and what its command accepts."""
-
-    arguments: Sequence[str]
-    context: typer.Context
-
-    @cached_property
-    def path(self) -> str:
-        """The command, as `sonarhw room new`."""
-        return self.context.command_path
-
-    @cached_property
-    def see(self) -> str:
-        """Where arguments and options are listed."""
-        return f"see `{self.path} --help`"
-
-    @cached_property
-    def is_program(self) -> bool:
-        """Whether the line is refused before its command."""
-        return self.context.parent is None
-
-    @cached_property
-    def parameters(self) -> Sequence[Any]:
-        """Arguments and options."""
-        return self.context.command.params
-
-    @cached_property
-    def accepted(self) -> Sequence[Any]:
-        """Arguments that stand without an option before them."""
-        return [parameter for parameter in self.parameters if parameter.param_type_name == "argument"]
-
-    @cached_property
-    def options(self) -> Mapping[str, Any]:
-        """Options by their names."""
-        parameters = [parameter for parameter in self.parameters if parameter.param_type_name == "option"]
-        return {name: parameter for parameter in parameters for name in parameter.opts}
-
-    @cached_property
-    def flags(self) -> set[str]:
-        """Options without a value."""
-        return {name for name, parameter in self.options.items() if getattr(parameter, "is_flag", False)}
-
-    @cached_property
-    def commands(self) -> Mapping[str, Any]:
-        """Commands of a group."""
-        return getattr(self.context.command, "commands", {})
-
-    @cached_property
-    def shown_commands(self) -> Sequence[str]:
-        """Commands of a group that its help lists."""
-        return [name for name, command in self.commands.items() if not command.hidden]
-
-    def members(self, group: str) -> Mapping[str, Any]:
-        """Return the commands of one of the commands, if it is a group."""
-        return getattr(self.commands.get(group), "commands", {})
-
-    @cached_property
-    def program_commands(self) -> Mapping[str, Any]:
-        """Commands and groups of the whole program."""
-        return getattr(self.context.find_root().command, "commands", {})
-
-    @cached_property
-    def all_commands(self) -> Sequence[tuple[str, Any]]:
-        """All commands of the program by how they are written, but the hidden ones."""
-        waiting: list[tuple[str, Any]] = [("sonarhw", self.context.find_root().command)]
-        commands: list[tuple[str, Any]] = []
-        for path, command in waiting:
-            parts = getattr(command, "commands", None)
-            if parts is None:
-                commands.append((path, command))
-            else:
-                waiting.extend((f"{path} {name}", part) for name, part in parts.items() if not part.hidden)
-        return commands
-
-    @cached_property
-    def usage(self) -> str:
-        """The command with its arguments and required options, as `sonarhw scan URL --out LOG.mcap`."""
-        pieces = [piece for piece in self.context.command.collect_usage_pieces(self.context) if piece != "[OPTIONS]"]
-        required = [self.written(name) for name, option in self.options.items() if option.required]
-        return " ".join([self.path, *pieces, *required])
-
-    def written(self, name: str) -> str:
-        """Return an option with its value, as `--out LOG.mcap`."""
-        return written_option(self.options[name], self.context) if name in self.options else name
-
-    def kinds_of(self, argument: Any) -> Sequence[str]:
-        """Return the kinds of words that an argument of the command expects."""
-        return expected_of(argument, self.context.command)[0].split("|")
-
-    def instead_of(self, word: str) -> str:
-        """Return what the command expects in place of an option of another program."""
-        return other_words.instead_of(word, self.parameters)
-
-    @cached_property
-    def missing_argument(self) -> str:
-        """The required argument, if the command is run with options alone."""
-        path = self.path.split()
-        words = [path[-1], *self.arguments[len(path) - 1 :]]
-        behind = [word for before, word in pairwise(words) if before[:1] != "-" or before in self.flags]
-        is_given = any(word[:1] != "-" for word in behind)
-        return "" if is_given else _first(argument.metavar for argument in self.accepted if argument.required)
-
-    @cached_property
-    def argument_expected(self) -> str:
-        """Where the missing argument stands."""
-        where = f"where {self.missing_argument} stands without an option before it"
-        return f"expected `{self.usage}`, {where}; {self.see}" if self.missing_argument else ""
-
-    @cached_property
-    def divided_name(self) -> str:
-        """How to write the name of a file that the shell has divided at a space."""
-        names = (f"{first} {second}" for first, second in pairwise(self.arguments))
-        name = _first(filter(os.path.isfile, names))
-        return f"write the name of the file in quotes: {shlex.quote(name)}" if name else ""
-
-
-def _first(answers: Iterable[str]) -> str:
-    """Return the first answer that is not empty. A generator of answers computes no others."""
-    return next(filter(None, answers), "")
-
-
-def _joined(*parts: str) -> str:
-    return "; ".join(filter(None, parts))
-
-
-def _line_of(arguments: Sequence[str], program: Any) -> _Line:
-    """Return the command line of the command in the arguments, without its values."""
-    context = typer.Context(program, info_name="sonarhw")
-    for argument in arguments:
-        if command := getattr(context.command, "commands", {}).get(argument):
-            context = typer.Context(command, info_name=argument, parent=context)
-    return _Line(arguments, context)
-
-
-# Errors of the option parser.
-
-
 def parser_message(error: typer.TyperException, arguments: Sequence[str], program: Any) -> str:
     """Return an error of the option parser. Without a command, it is the help, which begins with `Usage:`."""
     message = _reworded(error)
     if without := re.fullmatch(r"Option '([^']+)' requires an argument\.", message):
         # this error does not contain the command
-        return f"{without[1]}: expected a value, as in `{_line_of(arguments, program).written(without[1])}`"
+        return f"{without[1]}: expected a value, as in `{line_of(arguments, program).written(without[1])}`"
     context = getattr(error, "ctx", None)
     if context is None:
         return message
-    line = _Line(arguments, context)
+    line = RefusedLine(arguments, context)
     for start, answer in _ANSWERS.items():
         if message.startswith(start):
             return answer(message.rstrip("."), line)
@@ -246,8 +130,11 @@ def _about_number(option: str, given: str, parameter: Any) -> str:
     return f", in {unit[1]} and without a unit" if unit and has_unit else ""
 
 
-def _about_argument(message: str, line: _Line) -> str:
+def _about_argument(message: str, line: RefusedLine) -> str:
     """Return the message about a missing or invalid argument, or a missing option, with the usage."""
+    if message.startswith("Missing argument") and len(line.accepted) > 1 and NUMBERS.match(line.arguments[-1]):
+        # the parser takes a number for the first argument, and misses the last
+        message = f"Missing argument '{line.accepted[0].metavar}'"
     hint = "`sonarhw ports` lists the scanners" if re.match("Missing argument '(URL|PORT)'", message) else ""
     if message.startswith("Missing argument 'ROOM'"):
         hint = "`sonarhw room list` lists the shipped rooms"
@@ -256,14 +143,14 @@ def _about_argument(message: str, line: _Line) -> str:
         hint = "write them in this order"
     elif value.startswith("--"):
         hint = "arguments stand without an option before them"
-    elif message.startswith("Missing argument") and (taken := _first(_taken_by_option(line))):
+    elif message.startswith("Missing argument") and (taken := first(_taken_by_option(line))):
         hint = taken
     elif message.startswith("Missing ") and any(re.search(r":.+\?\w+=[^&]*$", word) for word in line.arguments[-1:]):
-        hint = "write the URL in quotes, because the shell reads & as the end of the command"
-    return _joined(message, f"expected `{line.usage}`", hint, line.see)
+        hint = "write a URL with & in quotes, because the shell reads it as the end of the command"
+    return joined(message, f"expected `{line.usage}`", hint, line.see)
 
 
-def _taken_by_option(line: _Line) -> Iterator[str]:
+def _taken_by_option(line: RefusedLine) -> Iterator[str]:
     """Yield that an option took the word that an argument expects, such as a log, as its value."""
     kinds = {kind for argument in line.accepted for kind in line.kinds_of(argument)}
     for option, value in pairwise(line.arguments):
@@ -276,39 +163,40 @@ def _taken_by_option(line: _Line) -> Iterator[str]:
 # Unknown commands.
 
 
-def _about_command(message: str, line: _Line) -> str:
+def _about_command(message: str, line: RefusedLine) -> str:
     """Return the message about an unknown command with the one that it probably means, or those that exist."""
     # the parser writes odd characters of the word in another way, and names similar commands, among them hidden ones
-    word = _first(argument for argument in line.arguments if message.startswith(f"No such command {argument!r}"))
+    word = first(argument for argument in line.arguments if message.startswith(f"No such command {argument!r}"))
     message = message.partition(". Did you mean")[0]
     answers = _commands_for if line.is_program else _members_for
-    if word and (command := _first(answers(word, line))):
-        return f"{message}; {_meant(f'sonarhw {command}')}"
+    if word and (command := first(answers(word, line))):
+        return f"{message}; {meant(f'sonarhw {command}')}"
     commands = "" if line.is_program else f"its commands: {', '.join(line.commands)}"
-    return _joined(message, commands, line.see)
+    return joined(message, commands, first(map(use_of, line.behind(word))), line.see)
 
 
-def _commands_for(word: str, line: _Line) -> Iterator[str]:
+def _commands_for(word: str, line: RefusedLine) -> Iterator[str]:
     """Yield the commands that an unknown one may mean, without the name of the program, the most probable first."""
-    following = line.arguments[line.arguments.index(word) + 1 :]
-    later = _first(name for name in following if name in line.commands)
+    following = line.behind(word)
+    later = first(name for name in following if name in line.commands)
     if word in _HELP:
         yield " ".join([*following, "--help"])
-    yield from (f"{group} {word}" for group in line.commands if word in line.members(group))
+    if groups := [f"{group} {word}" for group in line.commands if word in line.members(group)]:
+        yield "` or `sonarhw ".join([*groups, *filter(None, [other_words.COMMANDS.get(word)])])
     if following[:1] == [later] and not kind_of(word):
         yield later
     longer = [name for name in line.shown_commands if name.startswith(word)]
     if len(longer) == 1 and len(word) >= _SHORTENED:
         yield longer[0]
-    if first := _first_command(word):
-        yield f"{later} {word}" if later else first
+    if described := _first_command(word):
+        yield f"{later} {word}" if later else described
     yield from _commands_of_parts(word, line)
-    yield _nearest(word, line.shown_commands)
-    yield other_words.COMMANDS.get(_nearest(word, other_words.COMMANDS), "")
+    yield nearest(word, line.shown_commands)
+    yield other_words.COMMANDS.get(nearest(word, other_words.COMMANDS), "")
     yield from map(_first_command, line.arguments)
 
 
-def _commands_of_parts(word: str, line: _Line) -> Iterator[str]:
+def _commands_of_parts(word: str, line: RefusedLine) -> Iterator[str]:
     """Yield the commands for the parts of a word such as `list-rooms`."""
     parts = re.split("[-_]", word)
     named = ["profile" if part == "board" else part for part in parts]
@@ -324,33 +212,31 @@ def _first_command(word: str) -> str:
     return _FIRST_COMMANDS.get(kind_of(word) or guessed, "").format(word)
 
 
-def _members_for(word: str, line: _Line) -> Iterator[str]:
+def _members_for(word: str, line: RefusedLine) -> Iterator[str]:
     """Yield the commands that an unknown one of a group may mean, without the name of the program."""
-    group, following = line.context.info_name or "", line.arguments[line.arguments.index(word) + 1 :]
+    group, following = line.context.info_name or "", line.behind(word)
     if word in _HELP:
         yield " ".join([group, *following, "--help"])
+    if "list" in line.commands and word in other_words.COMMANDS_OF_GROUPS["check"].split() and not following:
+        yield f"{group} list"
+    shipped = options.complete_room(word) if group == "room" else options.complete_board(word)
+    if "list" in line.commands and shipped and word not in shipped:
+        yield f"{group} list"
     if group == "room" and other_words.COMMANDS.get(word) == "gui":
         yield "gui"
     for name, others in other_words.COMMANDS_OF_GROUPS.items():
         if name in line.commands and word in others.split():
             yield f"{group} {name}"
-    is_name = "." in word or "/" in word or word in options.complete_room(word)
+    is_name = "." in word or "/" in word or word in shipped
+    command = other_words.COMMANDS.get(word, "")
     if word not in other_words.ANY and not is_name:
-        yield word if word in line.program_commands else other_words.COMMANDS.get(word, "")
-    if near := _nearest(word, line.shown_commands):
+        yield word if word in line.program_commands else "" if (group, command) == ("profile", "gui") else command
+    if near := nearest(word, line.shown_commands):
         yield f"{group} {near}"
     writes = "export" in line.commands and "--out" in line.arguments
     describes = "export" if writes else _OF_A_FILE.get(group, "")
-    if command := _first(name for name in following if name in line.commands) or (describes if is_name else ""):
+    if command := first(name for name in following if name in line.commands) or (describes if is_name else ""):
         yield f"{group} {command} {word}"
-
-
-def _nearest(word: str, names: Iterable[str], alike: float = _ALIKE) -> str:
-    return _first(difflib.get_close_matches(word, names, n=1, cutoff=alike))
-
-
-def _meant(*names: str) -> str:
-    return f"did you mean {' or '.join(f'`{name}`' for name in names)}?" if any(names) else ""
 
 
 # Unknown options.
@@ -358,7 +244,7 @@ def _meant(*names: str) -> str:
 
 @dataclass(frozen=True)
 class _UnknownOption:
-    line: _Line
+    line: RefusedLine
     option: str
 
     @cached_property
@@ -368,7 +254,7 @@ class _UnknownOption:
     @cached_property
     def value(self) -> str:
         """The argument behind it."""
-        return _first(value for given, value in pairwise(self.line.arguments) if given == self.option)
+        return first(value for given, value in pairwise(self.line.arguments) if given == self.option)
 
     @cached_property
     def parts(self) -> Sequence[str]:
@@ -384,7 +270,7 @@ class _UnknownOption:
     @cached_property
     def close(self) -> Sequence[str]:
         """Options of the command of which it is probably a misspelling."""
-        alike = [] if self.elsewhere else difflib.get_close_matches(self.option, self.line.options, cutoff=_ALIKE)
+        alike = [] if self.elsewhere else difflib.get_close_matches(self.option, self.line.options, cutoff=ALIKE)
         return [name for name in alike if _is_misspelt(self.option, name)]
 
 
@@ -395,11 +281,11 @@ def _is_misspelt(word: str, name: str) -> bool:
     return word.startswith(name) or (ratio >= _OPTION_ALIKE and (is_same_start or abs(len(word) - len(name)) <= 1))
 
 
-def _about_option(message: str, line: _Line) -> str:
+def _about_option(message: str, line: RefusedLine) -> str:
     """Return the message about an unknown option, with the one that it probably means or what to write instead."""
     option = message.removeprefix("No such option: ").partition(" (")[0]
     unknown = _UnknownOption(line, option)
-    answer = _first(_options_for(unknown)) or _first(_other_answers_for(unknown))
+    answer = first(_options_for(unknown)) or first(_other_answers_for(unknown))
     return f"No such option: {option}; {answer}"
 
 
@@ -407,60 +293,57 @@ def _options_for(unknown: _UnknownOption) -> Iterator[str]:
     """Yield what to write in place of an unknown option, the most probable first."""
     line, option, word = unknown.line, unknown.option, unknown.word
     # -room is read as the option -r
-    yield _meant(*(f"-{argument}" for argument in line.arguments if f"-{argument}" in line.options))
-    if word in other_words.GLOBAL and not line.is_program:
-        yield f"it stands before the command: `sonarhw {other_words.GLOBAL[word]} {line.path.partition(' ')[2]}`"
-    yield from (_meant(name) for name in line.options if name.casefold() == option.casefold())
+    yield meant(*(f"-{argument}" for argument in line.arguments if f"-{argument}" in line.options))
+    if word in other_words.GLOBAL:
+        before = f"sonarhw {other_words.GLOBAL[word]}"
+        command = line.path.partition(" ")[2]
+        yield f"it stands before the command: `{before} {command}`" if command else meant(before)
+    yield from (meant(name) for name in line.options if name.casefold() == option.casefold())
     kinds = [kind for argument in line.accepted[:1] for kind in line.kinds_of(argument)]
-    if kind_of(unknown.value) in kinds:
-        yield line.argument_expected
-    yield from map(_meant, _named_or_valued(unknown))
-    for written in _formats(unknown):
-        yield _joined(written, line.see) if written else ""
-    named_in_part = [f"--{part}" for part in unknown.parts if f"--{part}" in line.options]
-    if not line.instead_of(word):
-        yield _meant(*named_in_part[:1])
-    for instead in map(line.instead_of, (word, word.removesuffix("s"), *unknown.parts)):
-        yield _joined(instead, line.see) if instead else ""
-    yield _meant(*_longer(unknown)) or _meant(*unknown.close)
-
-
-def _named_or_valued(unknown: _UnknownOption) -> Iterator[str]:
-    """Yield options of the command that are named by the word or by the value of the unknown one."""
-    names = [f"--{unknown.word}", f"--{unknown.word.removesuffix('s')}"]
+    if (kind := kind_of(unknown.value)) and kind in kinds:
+        yield line.argument_expected or ("" if line.has_argument else meant(f"{line.path} {unknown.value}"))
+    names = [f"--{word}", f"--{word.removesuffix('s')}"] if len(word) > 1 else []
+    yield from (meant(name) for name in names if name in line.options)
+    yield meant(option_taking(word, line.context))
+    for instead in (*_formats(unknown), line.instead_of(word)):
+        yield joined(instead, line.see) if instead else ""
     if not unknown.close:
-        names.append(f"--{unknown.value}")
-    if len(unknown.word) > 1:
-        yield from (name for name in names if name in unknown.line.options)
-    if not unknown.close:
-        yield _option_with(unknown.value, unknown.line)
+        yield from map(meant, _options_by_value(unknown))
+    yield first(meant(line.written(f"--{part}")) for part in unknown.parts if f"--{part}" in line.options)
+    for instead in map(line.instead_of, (word.removesuffix("s"), *unknown.parts)):
+        yield joined(instead, line.see) if instead else ""
+    if _RATE.fullmatch(unknown.value):
+        yield line.instead_of("baud")
+    yield meant(*_longer(unknown)) or meant(*unknown.close)
 
 
-def _option_with(value: str, line: _Line) -> str:
-    """Return the option that takes a value, by the values that its help lists; empty for an unknown value."""
+def _options_by_value(unknown: _UnknownOption) -> Iterator[str]:
+    """Yield options of the command that the value of an unknown one names, or that list this value in their help."""
+    value, line = unknown.value, unknown.line
+    if f"--{value}" in line.options:
+        yield f"--{value}"
     if re.fullmatch("[a-z][a-z0-9-]+", value):
         for name, option in line.options.items():
             about = f"{line.written(name).replace(' ', '|')} {option.help}"
             if re.search(rf"([|:,]| or) ?{value}([|,.;]|$)", about):
-                return f"{option.opts[0]} {value}"
-    return ""
+                yield f"{option.opts[0]} {value}"
 
 
 def _formats(unknown: _UnknownOption) -> Iterator[str]:
     """Yield how the format of files is written that the value or the word names."""
     word, value = unknown.word, unknown.value
     if word in ("format", "type"):
-        yield _about_format(value, unknown.line)
+        yield about_format(value, unknown.line)
     elif word in (*other_words.SAVE, *other_words.PICTURES, "record") and not os.path.isfile(value):
-        yield _about_format(Path(value).suffix.removeprefix(".").lower(), unknown.line)
-    yield _about_format(word, unknown.line)
+        yield about_format(Path(value).suffix.removeprefix(".").lower(), unknown.line)
+    yield about_format(word, unknown.line)
 
 
 def _longer(unknown: _UnknownOption) -> Sequence[str]:
     """Return the options of the command that begin with the unknown one."""
     names, option = sorted(unknown.line.options), unknown.option
     if len(unknown.word) == 1 and not unknown.line.is_program:
-        return [name for name in names if name.startswith(f"-{option}")][:_MOST_LISTED]
+        return [name for name in names if name.startswith(f"-{option}")][:_MOST_ALIKE]
     return [name for name in names if len(unknown.word) > 2 and name.startswith(option)]
 
 
@@ -471,85 +354,50 @@ def _other_answers_for(unknown: _UnknownOption) -> Iterator[str]:
     behind = (f"options of a command stand behind it: `sonarhw {command} ... {option}`" for command in later)
     if any(option in parameter.opts for command in later for parameter in line.commands[command].params):
         yield from behind
-    if word in line.program_commands and not line.program_commands[word].hidden:
+    if word in line.program_commands and not line.program_commands[word].hidden and not unknown.elsewhere:
         yield f"`sonarhw {word}` is a command of its own"
     yield from behind
-    if line.is_program:
-        yield from (_meant(f"sonarhw {first}") for first in map(_first_command, line.arguments) if first)
+    if line.is_program and not unknown.elsewhere:
+        yield from (meant(f"sonarhw {command}") for command in _commands_for(word, line) if command)
     yield line.argument_expected
+    if not os.path.isfile(unknown.value):
+        yield about_format(Path(unknown.value).suffix.removeprefix(".").lower(), line)
+    yield meant(option_taking(unknown.value, line.context)) if unknown.value else ""
     if word in other_words.SAVE:
         yield f"`{line.path} > FILE` writes its output to a file; {line.see}"
-    about = _about_word(unknown)
+    where = ""
     if unknown.elsewhere:
         does = next(iter(unknown.elsewhere.values())).partition(". ")[0].rstrip(".")
         where = f"it is an option of `{'`, `'.join(islice(unknown.elsewhere, 3))}`: {does}"
-        yield _joined(about, where, line.see)
-    if 0 < len(line.options) <= _MOST_LISTED:
-        yield f"its options: {', '.join(sorted(line.options))}"
-    yield _joined(about, line.see)
+    about = _about_word(unknown)
+    if not (about or where) and word in other_words.COMMANDS and word not in other_words.ANY:
+        about = f"`sonarhw {other_words.COMMANDS[word]}` does this"
+    listed = f"its options: {', '.join(sorted(line.options))}" if line.options else f"`{line.path}` has no options"
+    is_short = len(line.options) <= _MOST_LISTED and not line.is_program
+    yield joined(about, where, listed if is_short and not about else line.see)
 
 
 def _about_word(unknown: _UnknownOption) -> str:
     """Return options whose help contains the word, or the most similar option of another command."""
     line = unknown.line
     word = re.sub("^(no|not|with|without|enable|disable|use)-", "", unknown.word)
-    called = other_words.WORDS_OF_HELP.get(word)
-    stem = called or re.sub("(ies|y|s)$", "", word.partition("-")[0])
-    if len(stem) > _SHORTENED and stem not in ("from", "with"):
-        about = re.compile(rf"(?i)\b{re.escape(stem)}")
-        names = [name for name, option in line.options.items() if about.search(option.help or "")]
-        if written := dict.fromkeys(map(line.written, names)):
-            return f"options about {called or word}: `{'`, `'.join(islice(written, 2))}`"
-    paths = {name: path for path, command in line.all_commands for p in command.params for name in p.opts}
-    near = "" if f"--{word}" in paths else _nearest(f"--{word}", paths, _VERY_ALIKE)
-    return f"`{near}` is an option of `{paths[near]}`" if near else ""
-
-
-# Formats of files.
-
-
-def _about_format(word: str, line: _Line) -> str:
-    """Return how a format of files is written: by an option of this command, or else of others on the same input."""
-    word = "png" if word in other_words.PICTURES else word
-    if word not in other_words.FORMATS:
-        return ""
-    if writers := _writers(word, line.context.command, line):
-        return f"{word.upper()} is written with `{writers[0]}`"
-    out = line.options.get("--out")
-    writes = f"this command writes `{line.written('--out')}`" if out else ""
-    endings = ", ".join(re.findall(r"\.\w+", out.help or "")) if out and out.metavar in (None, "FILE") else ""
-    return _joined(f"{writes}: {endings}" if endings else writes, _written_elsewhere(word, line))
-
-
-def _written_elsewhere(word: str, line: _Line) -> str:
-    """Return what else writes a format of files: a browser, or other commands on the same input."""
-    command = line.context.command
-    if word == "pdf" and _writers("html", command, line):
-        return "a browser prints HTML as PDF"
-    argument = next((argument.metavar for argument in line.accepted), None)
-    if _writers("mcap", command, line):
-        argument = "LOG"  # others read the log that it writes
-    same = [(path, c) for path, c in line.all_commands if any(argument == p.metavar for p in c.params[:1])]
-    others = [f"`{path} {argument} {option}`" for path, c in same for option in _writers(word, c, line)[:1]]
-    if not argument or not others or _writers(word, command, line):
-        return ""
-    exports = [other for other in others if "export" in other]  # of any log; a track needs poses
-    return f"{word.upper()} is written by {' or '.join(dict.fromkeys(exports or (others[0], others[-1])))}"
-
-
-def _writers(word: str, command: Any, line: _Line) -> list[str]:
-    """Return the options of a command that write a format of files, as `--out FILE.csv`."""
-    writers = []
-    for parameter in command.params:
-        if not {*parameter.opts} & {"--out", "--plot", "--json"}:
+    for part in dict.fromkeys((word, *word.split("-"))):
+        called = other_words.WORDS_OF_HELP.get(part)
+        stem = called or re.sub("(ies|es|y|s|ing|ed)$", "", part)
+        if len(stem) <= _SHORTENED or stem in _VAGUE:
             continue
-        name, _, value = written_option(parameter, line.context).partition(" ")
-        about = f"{value} {parameter.help} {command.help if name == '--out' and value.startswith('FILE') else ''}"
-        if name == f"--{word}":
-            writers.append(name)
-        elif re.search(rf"[|.]{word}\b", about):
-            writers.append(f"{name} FILE.{word}")
-    return writers
+        about = re.compile(rf"(?i)\b{re.escape(stem)}")
+        names = [name for name, option in line.options.items() if about.search(f"{name} {option.help}")]
+        written = dict.fromkeys(map(line.written, names))
+        if written:
+            return f"options about {called or part}: `{'`, `'.join(islice(written, 2))}`"
+        # in the help of the command, or else of others
+        sentences = re.split(r"(?<=\.)\s+", line.context.command.help or "")
+        if sentence := first(sentence for sentence in sentences if about.search(sentence)):
+            return f"`{line.path}`: {sentence.rstrip('.')}"
+    paths = {name: path for path, command in line.all_commands for p in command.params for name in p.opts}
+    near = "" if f"--{word}" in paths or len(word) <= _SHORTENED else nearest(f"--{word}", paths, _VERY_ALIKE)
+    return f"`{near}` is an option of `{paths[near]}`" if near and near[2] == word[0] else ""
 
 
 # Arguments too many.
@@ -557,7 +405,7 @@ def _writers(word: str, command: Any, line: _Line) -> list[str]:
 
 @dataclass(frozen=True)
 class _Extra:
-    line: _Line
+    line: RefusedLine
     all: str  # of them, as the parser lists them
 
     @cached_property
@@ -568,12 +416,12 @@ class _Extra:
     @cached_property
     def before(self) -> str:
         """The argument before it."""
-        return _first(before for before, word in pairwise(self.line.arguments) if word == self.word)
+        return first(before for before, word in pairwise(self.line.arguments) if word == self.word)
 
     @cached_property
     def words(self) -> Sequence[str]:
-        """All arguments of the command that stand without an option."""
-        values = [self.line.context.params.get(argument.name) for argument in self.line.accepted]
+        """The first argument of the command and those too many."""
+        values = [self.line.context.params.get(argument.name) for argument in self.line.accepted[:1]]
         return [*map(str, filter(None, values)), *(w for w in self.line.arguments if f" {w} " in f" {self.all} ")]
 
     @cached_property
@@ -587,23 +435,29 @@ class _Extra:
         return [word for word in self.words if word not in self.same]
 
 
-def _about_extra(message: str, line: _Line) -> str:
+def _about_extra(message: str, line: RefusedLine) -> str:
     """Return the message about an argument too many, with how to write a place, a size, a room or a second log."""
     extra = _Extra(line, message.removesuffix(")").rpartition("(")[2])
     if extra.word.startswith("--"):
         return _about_option(f"No such option: {extra.word}", line)
-    if meant := _mistyped_option(extra) or _command_of(extra):
-        return f"{message}; {_meant(meant)}"
-    hint = _first(_values_for(extra)) or _first(_uses_of(extra))
-    return _joined(message, f"expected `{line.usage}`", line.see, hint)
+    if written := _divided_url(extra):
+        return f"{message}; write `{written}`"
+    if other := _mistyped_option(extra) or _command_of(extra):
+        return f"{message}; {meant(other)}"
+    hint = first(_values_for(extra)) or first(_uses_of(extra))
+    return joined(message, f"expected `{line.usage}`", line.see, hint)
+
+
+def _divided_url(extra: _Extra) -> str:
+    parts = f"{extra.before} {extra.word}" if "URL" in extra.line.usage else ""
+    matches = ((re.fullmatch(divided, parts), url) for divided, url in _DIVIDED_URLS)
+    return first(url.format(*match.groups()) for match, url in matches if match)
 
 
 def _mistyped_option(extra: _Extra) -> str:
-    # place=desk, or a dash of a text editor in place of two hyphens
-    meant = re.fullmatch(r"([—–−]?-?)([a-z][a-z-]*)(?:=(.+))?", extra.word)
-    if meant is None or f"--{meant[2]}" not in extra.line.options or not (meant[1] or meant[3]):
-        return ""
-    return f"--{meant[2]} {meant[3] or ''}".rstrip()
+    # place=desk, place desk, or a dash of a text editor in place of two hyphens
+    given = re.fullmatch(r"[—–−]?-?([a-z][a-z-]*)(?:=(.+))?", extra.word)
+    return option_named(given[1], given[2] or "", extra.line) if given else ""
 
 
 def _command_of(extra: _Extra) -> str:
@@ -616,33 +470,11 @@ def _command_of(extra: _Extra) -> str:
 def _values_for(extra: _Extra) -> Iterator[str]:
     """Yield how to write a value, or values, of which an argument too many is a part."""
     line, word = extra.line, extra.word
-    if extra.before.startswith("socket://") and word.isdecimal():
-        yield f"write `{extra.before}:{word}`"
-    if re.fullmatch(r"\d{4,}", word):
+    if _RATE.fullmatch(word):
         yield line.instead_of("baud")
-    if word in ("from", "to", "step", "by") and "--step" in line.options:
-        yield "write --from DEG --to DEG --step DEG"
     if "--size" in line.arguments and re.fullmatch(r"-?[\d.]+|[x×*]|by|[\d.]+(m|cm|mm)", word):
         yield "write WxD in metres without a space, such as --size 3.2x2.4"
-    yield _without_space(word, line)
-
-
-def _without_space(word: str, line: _Line) -> str:
-    """Return how to write a list or several values of an option whose values are separated by spaces."""
-    arguments = line.arguments
-    row = next((k for k in range(2, len(arguments)) if arguments[k] == word and arguments[k - 2].startswith("--")), 0)
-    option = arguments[row - 2] if row else ""
-    value = _NUMBERS if _NUMBERS.fullmatch(word) else _NAMES
-    if option not in line.options or option in line.flags or kind_of(word) or not value.fullmatch(word):
-        return ""
-    values = [arguments[row - 1], *takewhile(value.fullmatch, arguments[row:])]
-    written = line.written(option)
-    if "," in written and (value is _NUMBERS or "|" not in written):
-        decimals = all(re.fullmatch(r"-?\d+,\d+", part) for part in values)
-        parts = [part.replace(",", ".") if decimals else part.rstrip(",") for part in values]
-        return f"write `{option} {','.join(parts)}`{' with decimal points and' if decimals else ''} without a space"
-    is_many = getattr(line.options[option], "multiple", False)
-    return f"repeat the option: `{' '.join(f'{option} {part}' for part in values)}`" if is_many else ""
+    yield without_space(word, line)
 
 
 def _uses_of(extra: _Extra) -> Iterator[str]:
@@ -658,34 +490,39 @@ def _uses_of(extra: _Extra) -> Iterator[str]:
         yield "to compare two logs, use `sonarhw compare A.mcap --with B.mcap`"
     if line.accepted and not extra.others:
         several = "`sonarhw fit` and `sonarhw map` take several" if line.accepted[0].metavar == "LOG" else ""
-        yield _joined(f"it takes one {line.accepted[0].metavar}: run it once for each", several)
+        yield joined(f"it takes one {line.accepted[0].metavar}: run it once for each", several)
+    yield first(f"leave out {other}" for other in extra.others if other in other_words.ANY)
     for other in extra.others:
         if taking := option_taking(other, line.context):
             yield f"give it with `{taking}`"
     if "LOG" in line.usage and Path(word).suffix != ".mcap" and os.path.isfile(word):
         yield f"`sonarhw import {word} --out LOG.mcap` converts a scan of another program"
+    if not extra.same:
+        yield from map(use_of, extra.others)
     yield from _uses_of_value(extra)
 
 
 def _flag_before(extra: _Extra) -> str:
     pairs = pairwise(extra.line.arguments)
-    flag = _first(flag for flag, word in pairs if flag in extra.line.flags and word in extra.others)
-    file = _first(word for word in extra.others if Path(word).suffix)
+    flag = first(flag for flag, word in pairs if flag in extra.line.flags and word in extra.others)
+    file = first(word for word in extra.others if Path(word).suffix)
     writes = f"`> {shlex.quote(file)}` behind the command writes its output to a file" if file else ""
-    return _joined(f"{flag} takes no value", writes) if flag else ""
+    return joined(f"{flag} takes no value", writes) if flag else ""
 
 
 def _uses_of_value(extra: _Extra) -> Iterator[str]:
     """Yield what to do with a number, a part of a name or the name of a place."""
     line, word = extra.line, extra.word
-    numbers = [option for option in map(line.written, line.options) if re.search(" (INTEGER|NUMBER)$", option)]
-    if numbers and re.fullmatch(r"-?[\d.]+", word):
-        yield f"numbers are given with options, such as `{'`, `'.join(numbers[:3])}`"
     row = line.arguments.index(word) if word in line.arguments else 0
     if row > 1 and line.arguments[row - 2] in line.options:
         yield f"{line.arguments[row - 2]} takes one value"
+    numbers = [option for option in map(line.written, line.options) if re.search(" (INTEGER|NUMBER)$", option)]
+    if numbers and re.fullmatch(r"-?[\d.]+", word):
+        yield f"numbers are given with options, such as `{'`, `'.join(numbers[:3])}`"
     yield line.divided_name
-    place = _first(extra.others) or word
+    if "--size" in line.options and re.fullmatch(r"[\d.]+[a-z]*[x×*][\d.]+[a-z]*", word):
+        yield f"give a size in metres with `--size {word}`"
+    place = first(extra.others) or word
     if "--place" not in line.options:
         yield f"{line.accepted[0].metavar} is {extra.same[0]}: leave out {place}" if extra.same else ""
     elif "--place" not in line.arguments and _PLACE.fullmatch(place):
@@ -706,58 +543,82 @@ _ANSWERS = {
 
 def command_message(message: str, arguments: Sequence[str], program: Any) -> str:
     """Return the message of a command with what to write instead, if the words of its line show it."""
-    line = _line_of(arguments, program)
+    line = line_of(arguments, program)
     matches = ((re.match(pattern, message), answer) for pattern, answer in _COMMAND_RULES)
-    return _joined(message, _first(answer(match, line) for match, answer in matches if match))
+    return joined(message, first(answer(match, line) for match, answer in matches if match))
 
 
 _Match = re.Match[str]
 
 
-def _value_of_flag(match: _Match, line: _Line) -> str:
-    flag = _first(flag for flag, word in pairwise(line.arguments) if flag in line.flags and word == match[1])
+def _value_of_flag(match: _Match, line: RefusedLine) -> str:
+    flag = first(flag for flag, word in pairwise(line.arguments) if flag in line.flags and word == match[1])
     return f"{flag} takes no value" if flag else ""
 
 
-def _stray_value(match: _Match, line: _Line) -> str:
+def _stray_value(match: _Match, line: RefusedLine) -> str:
     words = [match[1]] if match.re.groups else line.arguments
-    return _first(_without_space(word, line) for word in words)
+    return first(without_space(word, line) for word in words)
 
 
-def _place_of_fake(match: _Match, line: _Line) -> str:
-    fake = _first(word for word in line.arguments if word.startswith("fake:") and "?" not in word)
+def _without_hyphens(match: _Match, line: RefusedLine) -> str:
+    return meant(option_named(match[1], "", line)) if match[1] in line.arguments else ""
+
+
+def _place_of_fake(match: _Match, line: RefusedLine) -> str:
+    fake = first(word for word in line.arguments if word.startswith("fake:") and "?" not in word)
     return f"that of a fake scanner stands in its URL: '{fake}?place={match[1]}'" if fake else ""
 
 
-def _place_in_room(match: _Match, line: _Line) -> str:
+def _preset(match: _Match, line: RefusedLine) -> str:
+    from sonarhw.text.layouts import PRESETS
+
+    preset = nearest(match[1], PRESETS)
+    return f"a device that prints text is `'lines:PORT?preset={preset}'`" if preset else ""
+
+
+def _place_in_room(match: _Match, line: RefusedLine) -> str:
     is_in_room = "--place" not in line.arguments and any("room" in kind_of(word) for word in line.arguments)
     return f"a place is given with `--place {match[1]}`" if is_in_room else ""
 
 
-def _new_room(match: _Match, _line: _Line) -> str:
+def _new_room(match: _Match, _line: RefusedLine) -> str:
     return f"`sonarhw room new NAME.toml --size {match[1]}` writes a room of this size"
 
 
-def _other_ending(match: _Match, line: _Line) -> str:
+def _other_ending(match: _Match, line: RefusedLine) -> str:
     word = match[2].lower()
-    writers = [option for option in _writers(word, line.context.command, line) if not option.startswith(match[1])]
-    return f"{word.upper()} is written with `{writers[0]}`" if writers else _written_elsewhere(word, line)
+    command = line.context.command
+    writers = [option for option in options_writing(word, command, line) if not option.startswith(match[1])]
+    if writers:
+        return f"{word.upper()} is written with `{writers[0]}`"
+    # what is found by comparing or fitting is no log
+    is_convertible = options_writing("html" if word == "pdf" else "mcap", command, line)
+    return written_elsewhere(word, line) if is_convertible else ""
 
 
-def _room_with_place(match: _Match, _line: _Line) -> str:
-    is_room = match[1] in options.complete_room(match[1])
-    return f"a place is given with `{match[1]} --place {match[2]}`" if is_room else ""
+def _room_with_place(match: _Match, line: RefusedLine) -> str:
+    if match[1] not in options.complete_room(match[1]):
+        return ""
+    is_fake = any(word.startswith("fake:") for word in line.arguments)
+    given = f"'fake:{match[1]}?place={match[2]}'" if is_fake else f"{match[1]} --place {match[2]}"
+    return f"a place is given with `{given}`"
 
 
-def _wrong_name(match: _Match, line: _Line) -> str:
+def _plain_port(match: _Match, _line: RefusedLine) -> str:
+    port = re.sub(r"(?i)^[\\/.]*(com\d+)$", lambda name: name[1].upper(), match[1].strip(":,;.'\""))
+    return meant(port) if port != match[1] and kind_of(port) == "URL" else ""
+
+
+def _wrong_name(match: _Match, line: RefusedLine) -> str:
     file, files = match[1].partition("=")[2], re.split("[,:;]", match[1])
     if line.divided_name or os.path.isfile(file):
-        return line.divided_name or _meant(file)
+        return line.divided_name or meant(file)
     is_list = len(files) > 1 and all(map(os.path.isfile, files))
-    return f"write several files with spaces: {' '.join(files)}" if is_list else _similar_name(match)
+    return f"write several files with spaces: {' '.join(files)}" if is_list else _similar_name(match, line)
 
 
-def _similar_name(match: _Match) -> str:
+def _similar_name(match: _Match, _line: RefusedLine) -> str:
     """Return the file with the most similar name, if possible with the suffix in the second group."""
     missing, expected = Path(match[1]), match[2] or ""
     try:
@@ -765,17 +626,20 @@ def _similar_name(match: _Match) -> str:
     except (OSError, ValueError):  # ValueError: a NUL in the name
         return ""
     suffix = missing.suffix if missing.suffix not in ("", expected) else expected
-    stem = _nearest(missing.stem, [path.stem for path in files if path.suffix == suffix])
+    stem = nearest(missing.stem, [path.stem for path in files if path.suffix == suffix])
     names = [
         stem and stem + suffix,
-        _nearest(missing.name, [path.name for path in files if path.stem == missing.stem], 0.0),
+        nearest(
+            missing.name, [p.name for p in files if p.stem == missing.stem and p.suffix == (expected or p.suffix)], 0.0
+        ),
         *(path.name for path in files if path.suffix and missing.name.startswith(f"{path.name}.")),
     ]
-    return _first(_meant(str(missing.with_name(name))) for name in names if name)
+    return first(meant(str(missing.with_name(name))) for name in names if name)
 
 
-_COMMAND_RULES: tuple[tuple[str, Callable[[_Match, _Line], str]], ...] = (
+_COMMAND_RULES: tuple[tuple[str, Callable[[_Match, RefusedLine], str]], ...] = (
     (r"(.+?): no ", _value_of_flag),
+    (r"(\S+): ", _without_hyphens),
     (r"(\S+): no such file", _stray_value),
     (r".*, (\S+): expected the URL of one scanner", _stray_value),
     (r"--place: expected one for each", _stray_value),
@@ -783,6 +647,9 @@ _COMMAND_RULES: tuple[tuple[str, Callable[[_Match, _Line], str]], ...] = (
     (r"(\S+): there is no such file or port", _place_in_room),
     (r"(?:unknown room ')?([\d.]+[x×][\d.]+)'?[:;]", _new_room),
     (r"(--\w+) .*\.(\w+): expected a name ending in", _other_ending),
-    (r"(?:unknown room ')?(\w+)[/:](\w+)'?[:;]", _room_with_place),
+    (r"(?:unknown room ')?(\w+)[/:,](\w+)'?[:;]", _room_with_place),
+    (r"(\S+): (?:there is no such port|unknown scheme)", _plain_port),
+    (r"(\S+): there is no such port", _preset),
+    (r"unknown \w+ '([^']+)';(?! did you mean)()", _similar_name),
     (r"(.+): no such file(?:.*\(\*(\.\w+)\))?", _wrong_name),
 )

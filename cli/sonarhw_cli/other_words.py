@@ -40,12 +40,12 @@ COMMANDS = {other: command for command, others in _OTHER_WORDS.items() for other
 ANY = ("get", "list", "new", "run", "show", "start")  # words that are joined with what is wanted
 # within a group such as `sonarhw room`
 COMMANDS_OF_GROUPS = {
-    "check": "describe draw info print show validate view",
+    "check": "describe draw info plot print show validate view",
     "export": "convert csv dump save",
     "import": "convert",
     "info": "check describe print show stats view",
     "list": "ls",
-    "new": "add create init make",
+    "new": "add clone copy create import init make",
     "recover": "fix repair",
 }
 
@@ -60,17 +60,22 @@ class _Instead(NamedTuple):
 
 
 _POSITION = "initial initial-pose location pos pose position start-pose xy"
+_HEADING = "angle azimuth bearing dir direction heading orientation theta yaw"
 _READ = "csv-file data file filename i in infile input log scan"
 # the first that applies to the command is printed
 _OTHER_OPTIONS = (
+    _Instead("`sonarhw ports` lists the scanners", "detect devices discover list list-ports ports search", "URL"),
     _Instead("--guess tries the usual baud rates", "baud baudrate b rate speed", "PORT"),
     _Instead("without an option, `sonarhw ports` lists all", "a all l list", "PORT", option="--guess"),
-    _Instead(
-        "the rate stands in the URL: `'lines:/dev/ttyUSB0?baud=9600&preset=NAME'`", "baud baudrate b rate speed", "URL"
-    ),
+    _Instead("the rate stands in the URL: `'lines:/dev/ttyUSB0?baud=9600&preset=NAME'`", "baud baudrate b", "URL"),
     _Instead(
         "its address is --tcp HOST:PORT; the URL of the scanner stands without an option before it",
         "address host listen p port",
+        "URL",
+    ),
+    _Instead(
+        "a fake scanner is a URL: 'fake:ROOM?place=NAME'",
+        "emulate emulator fake mock sim simulate simulated simulator virtual",
         "URL",
     ),
     _Instead(
@@ -85,6 +90,8 @@ _OTHER_OPTIONS = (
     ),
     _Instead("the firmware is included", "file firmware hex image sketch", option="--ranging"),
     _Instead("the controller is --controller, such as --controller uno", "arduino board fqbn mcu target"),
+    _Instead("the ranging board is --ranging, such as --ranging hc-sr04", "ranger rangefinder sensor ultrasonic"),
+    _Instead("the turntable is --turning, such as --turning servo", "motor stepper turntable"),
     _Instead("its address is --tcp HOST:PORT", "address host listen p port url"),
     _Instead(
         "the unit of a file is an option of `sonarhw import`; that of a device stands in the URL: "
@@ -97,7 +104,7 @@ _OTHER_OPTIONS = (
     _Instead("the model is --model", "algorithm method mode"),
     _Instead(
         "the headings of a scan are --from, --to and --step, in degrees",
-        "angle angles beams begin degrees delta end fov headings increment interval max-angle min-angle range rays "
+        "angles beams begin degrees delta end fov headings increment interval max-angle min-angle rays "
         "resolution sector start stop width",
     ),
     _Instead("the angle between readings is --step, in degrees", "angle-step increment resolution"),
@@ -115,16 +122,27 @@ _OTHER_OPTIONS = (
     ),
     _Instead("the unit stands in the URL: `'lines:/dev/ttyUSB0?preset=NAME&unit=cm'`", "unit units", "URL"),
     _Instead("pings at each heading are --pings", "average averages mean repetitions samples shots"),
-    _Instead("the farthest range is --max-range, in metres", "limit max-dist max-distance maximum"),
+    _Instead("the farthest range is --max-range, in metres", "distance limit max-dist max-distance maximum range"),
     _Instead("the time for reconnecting is --reconnect, in seconds", "timeout wait"),
-    _Instead("the heading is the third number of --place X,Y,DEG", "dir direction heading orientation theta yaw"),
+    _Instead(
+        "each reading is printed with its heading, such as `sonarhw compare LOG | grep 270.0`",
+        f"at filter reading readings select {_HEADING}",
+        option="--find-missing",
+    ),
+    _Instead("`sonarhw turn URL DEG` turns to an angle before it", _HEADING, "URL", option="--count"),
+    _Instead("paths at all headings are listed", _HEADING, option="--faintest"),
+    _Instead(
+        "the headings of a scan are --from, --to and --step; that of the sensor is the third number of --place X,Y,DEG",
+        _HEADING,
+    ),
+    _Instead("the heading is the third number of --place X,Y,DEG", _HEADING),
     _Instead("reflections are --max-bounces", "bounces order reflections"),
     _Instead("all reflections that the board can detect are followed", "bounces max-bounces order reflections", "ROOM"),
     _Instead("the other scan is --with LOG", "against baseline log2 other reference second"),
     _Instead("what --free does not name is fixed", "constant fix fixed hold keep"),
     _Instead("the speed is --speed, such as --speed 2", "factor fast pace rate"),
-    _Instead("the speed is --pace, such as --pace 10 or --pace max", "factor fast rate realtime speed"),
-    _Instead("the protocol is --foxglove", "protocol ros ros2 rosbridge websocket ws"),
+    _Instead("the speed is --pace, such as --pace 10 or --pace max", "factor fast rate realtime slow speed"),
+    _Instead("the protocol is --foxglove", "http mqtt protocol ros ros2 rosbridge udp websocket ws"),
     _Instead("it is served with --pty LINK or --tcp HOST:PORT", "com device link serial socket tty"),
     _Instead("the direction of the angle 0 is --heading-zero", "angle-offset offset rotate rotation shift zero"),
     _Instead("the range that means no echo is --no-echo", "inf invalid max-range missing na nan none null"),
@@ -175,10 +193,10 @@ _OTHER_OPTIONS = (
     _Instead("the board is --board NAME or --board FILE.toml", "device-profile profile sensor transducer"),
     _Instead(
         "the board profile contains it; --board FILE.toml",
-        "aperture beam beamwidth blanking freq frequency gain max-dist max-distance max-range threshold",
+        "aperture beam beamwidth blanking freq frequency gain max-dist max-distance max-range range threshold",
     ),
     _Instead("its size is --size WxD in metres, such as --size 3.2x2.4", "depth dimensions height length width"),
-    _Instead("a reading matches within 5 cm, which is fixed", "tolerance within", option="--find-missing"),
+    _Instead("a reading matches within 5 cm, which is fixed", "accuracy tol tolerance within", option="--find-missing"),
     _Instead("the draws for the credible intervals are --samples", "chains draws iterations mcmc n steps"),
     _Instead("processes are --workers N", "cores j jobs n-jobs processes threads"),
     _Instead("an existing file is replaced with --force", "f overwrite replace y yes"),
@@ -191,7 +209,7 @@ _OTHER_OPTIONS = (
     _Instead("the name of the file stands without an option before it", f"o out output save to {_READ}", "NAME.TOML"),
     _Instead("the name of the file stands without an option before it", _READ, "LOG"),
     _Instead("the name of the file stands without an option before it", _READ, "FILE"),
-    _Instead("the file to write is --out", "file filename log o save save-as to write"),
+    _Instead("the file to write is --out", "file filename log o record save save-as to write"),
 )
 FORMATS = ["csv", "gif", "html", "jpg", "json", "mat", "mcap", "mp4", "npz", "pdf", "png", "svg", "txt", "xlsx", "yaml"]
 SAVE = ("o", "out", "output", "outfile", "save", "to")

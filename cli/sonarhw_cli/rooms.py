@@ -62,7 +62,7 @@ def _write_empty_room(file: Path, size: str, place: str | None) -> None:
     from sonarhw_sim.room.room import read_pose
     from sonarhw_sim.room.room_arrays import rectangular_room
 
-    checked_out(file, (".toml",), False, option="FILE")
+    checked_out(file, (".toml",), True, option="FILE")  # `write_text` refuses an existing file
     try:
         width, depth = map(float, re.split("[x×,]", size))
     except ValueError:

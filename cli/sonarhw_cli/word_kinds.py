@@ -43,7 +43,7 @@ _KINDS = {
         "`sonarhw simulate {name}` predicts a scan in it, `sonarhw fake {name}` serves a scanner in it",
     ),
     "shipped room": ("a shipped room", "`sonarhw simulate {name}` predicts a scan in it"),
-    "board": ("a board profile", "`sonarhw profile check {name}` checks it"),
+    "board": ("a board profile", "edit it as text, and `sonarhw profile check {name}` checks it"),
     "shipped board": ("a shipped board", "`sonarhw simulate ROOM --board {name}` predicts with it"),
     "study": ("a study file", "`sonarhw study {name}` predicts its scans"),
     "drawing": ("a file of another program", "`sonarhw room import {name}` converts a map or a drawing to a room file"),
@@ -53,6 +53,7 @@ _KINDS = {
     "folder": ("a folder", "give the name of a file in it{such}"),
     "URL": ("the URL of a scanner", "`sonarhw scan {name} --out LOG.mcap` records a log"),
 }
+_CHECKING = {"room": "room check", "board": "profile check"}
 _ROOM, _BOARD, _LOG = "room|shipped room", "board|shipped board", "log"
 # what an argument or an option expects: its metavar or its name, the kinds, and their description
 _EXPECTED = {
@@ -147,8 +148,10 @@ def _advice(word: str, kind: str, parameter: Any, context: typer.Context) -> str
     """Return what to do with a word of another kind than a parameter expects: another option, or another command."""
     if parameter.metavar == "URL" and kind in _ROOM.split("|"):
         return f"'fake:{word}?place=NAME' is a fake scanner in it"
-    taking = option_taking(word, context, parameter)
-    if taking and context.info_name != "check":
+    checking = _CHECKING.get(kind.rpartition(" ")[2])
+    if checking and context.info_name == "check":
+        return f"`sonarhw {checking} {word}` checks it"
+    if taking := option_taking(word, context, parameter):
         return f"give it with `{taking}`"
     kinds = expected_of(parameter, context.command)[0].split("|")
     inside = sorted(Path(word).iterdir())[:_MOST_FILES] if kind == "folder" else []
@@ -173,7 +176,7 @@ def option_taking(word: str, context: typer.Context, but: Any = None) -> str:
         if parameter.param_type_name != "option" or parameter is but or getattr(parameter, "is_flag", False):
             continue
         value = written_option(parameter, context).partition(" ")[2]
-        is_choice = "|" in value and word in value.split("|")
+        is_choice = not kind and "." not in value and "|" in value and word in value.split("|")
         is_kind = kind and kind in expected_of(parameter)[0].split("|")
         is_output = ending and not kind and re.search(rf"[|.]{re.escape(ending[1:])}\b", value)
         if is_choice or is_kind or is_output:

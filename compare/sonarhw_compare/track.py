@@ -540,7 +540,8 @@ class ScanTracker:
         if missing:
             raise InputError(
                 f"{self._setting[0]}: {counted_are(missing, 'reading')} without a pose; expected the odometry of a "
-                "robot; `sonarhw locate` finds the place of a scan"
+                "robot, which `sonarhw import FILE --x COL --y COL --yaw COL --out LOG.mcap` reads from a table; "
+                "`sonarhw locate` finds the place of a scan"
             )
         self.readings += len(readings)
         updates = _updates([*self._waiting, *readings])

@@ -110,7 +110,7 @@ def room_format(file: Path) -> str:
         return "ros"
     if _STAGE.search(text) and "\0" not in text:
         return "stage"
-    raise InputError(f"{file}: is not recognised; expected {FORMATS}")
+    raise InputError(f"{file}: is not recognised; expected {FORMATS}; `sonarhw import` converts a scan")
 
 
 def _of_xml(file: Path, text: str) -> str:
