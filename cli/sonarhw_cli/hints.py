@@ -39,8 +39,8 @@ _SHORTENED = 3  # letters of a command at least, such as `sim`
 _OPTION_ALIKE, _VERY_ALIKE = 0.8, 0.85  # similarity of options of this command and of others
 _MOST_FILES = 1000  # of a folder that are compared with a name
 # parts of words such as --room-file
-_VAGUE = ("also", "each", "file", "from", "name", "only", "path", "print", "the", "with", "write")
-_MOST_ALIKE, _MOST_LISTED = 6, 12  # options with the same start, and those of a command with few
+_VAGUE = ("also", "each", "every", "file", "from", "name", "only", "path", "print", "the", "with", "write")
+_MOST_ALIKE, _FEW, _MOST_LISTED = 6, 12, 24  # options with the same start, and those of a command
 _UNIT = re.compile(r"(degrees|metres|seconds|Hz|°C|m/s)\b")
 _PLACE = re.compile(r"[a-z]\w*|-?[\d.]+(,-?[\d.]+){1,2}")
 _RATE = re.compile(r"\d{4,}")  # of a serial port
@@ -55,6 +55,8 @@ _FIRST_COMMANDS = {
     "scan": "import {} --out LOG.mcap",
     "URL": "scan {} --out LOG.mcap",
 }
+# values, and how the options that take them are written
+_SHAPES = ((r"-?[\d.]+(,-?[\d.]+){1,2}", "X,Y"), (r"[\d.]+[x×*][\d.]+", "WxD"), (r"[\w.-]*:\d+", "HOST:PORT"))
 # URLs that are divided at a space, and how to write them
 _DIVIDED_URLS = (
     (r"(socket://[^:]+) (\d+)", "{}:{}"),
@@ -285,7 +287,7 @@ def _about_option(message: str, line: RefusedLine) -> str:
     """Return the message about an unknown option, with the one that it probably means or what to write instead."""
     option = message.removeprefix("No such option: ").partition(" (")[0]
     unknown = _UnknownOption(line, option)
-    answer = first(_options_for(unknown)) or first(_other_answers_for(unknown))
+    answer = first(_options_for(unknown)) or first(_other_answers_for(unknown)) or _last_answer(unknown)
     return f"No such option: {option}; {answer}"
 
 
@@ -300,15 +302,19 @@ def _options_for(unknown: _UnknownOption) -> Iterator[str]:
         yield f"it stands before the command: `{before} {command}`" if command else meant(before)
     yield from (meant(name) for name in line.options if name.casefold() == option.casefold())
     kinds = [kind for argument in line.accepted[:1] for kind in line.kinds_of(argument)]
-    if (kind := kind_of(unknown.value)) and kind in kinds:
+    kind = kind_of(unknown.value)
+    if kind and kind in kinds:
         yield line.argument_expected or ("" if line.has_argument else meant(f"{line.path} {unknown.value}"))
     names = [f"--{word}", f"--{word.removesuffix('s')}"] if len(word) > 1 else []
     yield from (meant(name) for name in names if name in line.options)
-    yield meant(option_taking(word, line.context))
     for instead in (*_formats(unknown), line.instead_of(word)):
         yield joined(instead, line.see) if instead else ""
+    yield meant(option_taking(word, line.context))
     if not unknown.close:
+        yield meant(option_taking(unknown.value, line.context)) if kind and word not in other_words.SAVE else ""
         yield from map(meant, _options_by_value(unknown))
+    if {*unknown.parts} & {*other_words.SAVE} and unknown.value:
+        yield meant(option_taking(unknown.value, line.context))
     yield first(meant(line.written(f"--{part}")) for part in unknown.parts if f"--{part}" in line.options)
     for instead in map(line.instead_of, (word.removesuffix("s"), *unknown.parts)):
         yield joined(instead, line.see) if instead else ""
@@ -318,10 +324,12 @@ def _options_for(unknown: _UnknownOption) -> Iterator[str]:
 
 
 def _options_by_value(unknown: _UnknownOption) -> Iterator[str]:
-    """Yield options of the command that the value of an unknown one names, or that list this value in their help."""
+    """Yield options of the command that the value of an unknown one names, or that take such a value."""
     value, line = unknown.value, unknown.line
     if f"--{value}" in line.options:
         yield f"--{value}"
+    shape = first(shape for pattern, shape in _SHAPES if re.fullmatch(pattern, value))
+    yield from (f"{name} {value}" for name in line.options if shape and shape in line.written(name))
     if re.fullmatch("[a-z][a-z0-9-]+", value):
         for name, option in line.options.items():
             about = f"{line.written(name).replace(' ', '|')} {option.help}"
@@ -365,7 +373,11 @@ def _other_answers_for(unknown: _UnknownOption) -> Iterator[str]:
     yield meant(option_taking(unknown.value, line.context)) if unknown.value else ""
     if word in other_words.SAVE:
         yield f"`{line.path} > FILE` writes its output to a file; {line.see}"
-    where = ""
+
+
+def _last_answer(unknown: _UnknownOption) -> str:
+    """Return options about an unknown one, the commands that have it, or the options of the command."""
+    line, word, where = unknown.line, unknown.word, ""
     if unknown.elsewhere:
         does = next(iter(unknown.elsewhere.values())).partition(". ")[0].rstrip(".")
         where = f"it is an option of `{'`, `'.join(islice(unknown.elsewhere, 3))}`: {does}"
@@ -373,25 +385,25 @@ def _other_answers_for(unknown: _UnknownOption) -> Iterator[str]:
     if not (about or where) and word in other_words.COMMANDS and word not in other_words.ANY:
         about = f"`sonarhw {other_words.COMMANDS[word]}` does this"
     listed = f"its options: {', '.join(sorted(line.options))}" if line.options else f"`{line.path}` has no options"
-    is_short = len(line.options) <= _MOST_LISTED and not line.is_program
-    yield joined(about, where, listed if is_short and not about else line.see)
+    is_listed = not (about or line.is_program) and len(line.options) <= (_FEW if where else _MOST_LISTED)
+    return joined(about, where, listed if is_listed else line.see)
 
 
 def _about_word(unknown: _UnknownOption) -> str:
-    """Return options whose help contains the word, or the most similar option of another command."""
+    """Return options or the sentence of the help about the word, or the most similar option of another command."""
     line = unknown.line
     word = re.sub("^(no|not|with|without|enable|disable|use)-", "", unknown.word)
     for part in dict.fromkeys((word, *word.split("-"))):
         called = other_words.WORDS_OF_HELP.get(part)
         stem = called or re.sub("(ies|es|y|s|ing|ed)$", "", part)
-        if len(stem) <= _SHORTENED or stem in _VAGUE:
+        if len(stem) <= _SHORTENED or {stem, part} & {*_VAGUE}:
             continue
         about = re.compile(rf"(?i)\b{re.escape(stem)}")
         names = [name for name, option in line.options.items() if about.search(f"{name} {option.help}")]
         written = dict.fromkeys(map(line.written, names))
         if written:
             return f"options about {called or part}: `{'`, `'.join(islice(written, 2))}`"
-        # in the help of the command, or else of others
+        # what it does without an option
         sentences = re.split(r"(?<=\.)\s+", line.context.command.help or "")
         if sentence := first(sentence for sentence in sentences if about.search(sentence)):
             return f"`{line.path}`: {sentence.rstrip('.')}"
@@ -573,12 +585,14 @@ def _place_of_fake(match: _Match, line: RefusedLine) -> str:
 def _preset(match: _Match, line: RefusedLine) -> str:
     from sonarhw.text.layouts import PRESETS
 
-    preset = nearest(match[1], PRESETS)
-    return f"a device that prints text is `'lines:PORT?preset={preset}'`" if preset else ""
+    name, _, port = match[1].partition(":")
+    preset = nearest(name, PRESETS)
+    return f"a device that prints text is `'lines:{port or 'PORT'}?preset={preset}'`" if preset else ""
 
 
 def _place_in_room(match: _Match, line: RefusedLine) -> str:
-    is_in_room = "--place" not in line.arguments and any("room" in kind_of(word) for word in line.arguments)
+    is_place = _PLACE.fullmatch(match[1]) and "--place" not in line.arguments
+    is_in_room = is_place and any("room" in kind_of(word) for word in line.arguments)
     return f"a place is given with `--place {match[1]}`" if is_in_room else ""
 
 
@@ -607,6 +621,7 @@ def _room_with_place(match: _Match, line: RefusedLine) -> str:
 
 def _plain_port(match: _Match, _line: RefusedLine) -> str:
     port = re.sub(r"(?i)^[\\/.]*(com\d+)$", lambda name: name[1].upper(), match[1].strip(":,;.'\""))
+    port = re.sub(r"^socket:?/*(?=[\w.-]+:\d+$)", "socket://", port)
     return meant(port) if port != match[1] and kind_of(port) == "URL" else ""
 
 
@@ -615,7 +630,17 @@ def _wrong_name(match: _Match, line: RefusedLine) -> str:
     if line.divided_name or os.path.isfile(file):
         return line.divided_name or meant(file)
     is_list = len(files) > 1 and all(map(os.path.isfile, files))
-    return f"write several files with spaces: {' '.join(files)}" if is_list else _similar_name(match, line)
+    if is_list:
+        return f"write several files with spaces: {' '.join(files)}"
+    return _similar_name(match, line) or _missing_output(match[1], line)
+
+
+def _missing_output(word: str, line: RefusedLine) -> str:
+    """Return the option for a file to write, which a command with many arguments takes for one to read."""
+    is_last = line.arguments[-1] == word and not line.arguments[-2].startswith("-")
+    is_one_of_many = is_last and any(argument.nargs != 1 for argument in line.accepted)
+    taking = option_taking(word, line.context) if is_one_of_many and "--out" not in line.arguments else ""
+    return f"to write it, use `{taking}`" if taking else ""
 
 
 def _similar_name(match: _Match, _line: RefusedLine) -> str:
@@ -649,7 +674,7 @@ _COMMAND_RULES: tuple[tuple[str, Callable[[_Match, RefusedLine], str]], ...] = (
     (r"(--\w+) .*\.(\w+): expected a name ending in", _other_ending),
     (r"(?:unknown room ')?(\w+)[/:,](\w+)'?[:;]", _room_with_place),
     (r"(\S+): (?:there is no such port|unknown scheme)", _plain_port),
-    (r"(\S+): there is no such port", _preset),
+    (r"(\S+): (?:there is no such port|unknown scheme)", _preset),
     (r"unknown \w+ '([^']+)';(?! did you mean)()", _similar_name),
     (r"(.+): no such file(?:.*\(\*(\.\w+)\))?", _wrong_name),
 )

@@ -80,13 +80,14 @@ _OTHER_OPTIONS = (
     ),
     _Instead(
         "the URL of the scanner stands without an option before it, such as /dev/ttyUSB0 or COM3",
-        "address com device host live p port serial tty url",
+        "address com device host p port scanner serial tty url",
         "URL",
     ),
     _Instead(
         "the port of the controller stands without an option before it, such as /dev/ttyACM0 or COM3",
         "address com device p port serial tty url usb",
         "PORT",
+        "--controller",
     ),
     _Instead("the firmware is included", "file firmware hex image sketch", option="--ranging"),
     _Instead("the controller is --controller, such as --controller uno", "arduino board fqbn mcu target"),
@@ -147,6 +148,8 @@ _OTHER_OPTIONS = (
     _Instead("the direction of the angle 0 is --heading-zero", "angle-offset offset rotate rotation shift zero"),
     _Instead("the range that means no echo is --no-echo", "inf invalid max-range missing na nan none null"),
     _Instead("the speed of sound is --speed-of-sound", "air c sound-speed temp temperature"),
+    _Instead("clockwise is a negative --step, such as --from 360 --to 0 --step -5", "ccw clockwise cw flip reverse"),
+    _Instead("the room file contains it", "absorption material materials reflectance wall walls", "ROOM"),
     _Instead("clockwise angles are --turn cw", "clockwise cw flip invert reverse"),
     _Instead(
         "the columns are --heading NAME and --range NAME",
@@ -190,12 +193,18 @@ _OTHER_OPTIONS = (
     ),
     _Instead("the room stands without an option before it", "env environment map plan room world", "ROOM"),
     _Instead("the room is --room NAME or --room FILE.toml", "env environment map plan world"),
-    _Instead("the board is --board NAME or --board FILE.toml", "device-profile profile sensor transducer"),
+    _Instead("the board is --board NAME or --board FILE.toml", "device-profile profile transducer"),
     _Instead(
         "the board profile contains it; --board FILE.toml",
         "aperture beam beamwidth blanking freq frequency gain max-dist max-distance max-range range threshold",
     ),
     _Instead("its size is --size WxD in metres, such as --size 3.2x2.4", "depth dimensions height length width"),
+    _Instead(
+        "the window has a command for this",
+        "calibrate compare explain fit live locate play predict record replay scan simulate",
+        "LOG|SCAN|URL|ROOM",
+    ),
+    _Instead("the room that is found is written with --out ROOM.toml", "find find-room", option="--next"),
     _Instead("a reading matches within 5 cm, which is fixed", "accuracy tol tolerance within", option="--find-missing"),
     _Instead("the draws for the credible intervals are --samples", "chains draws iterations mcmc n steps"),
     _Instead("processes are --workers N", "cores j jobs n-jobs processes threads"),
@@ -206,14 +215,14 @@ _OTHER_OPTIONS = (
         "without a window, the files are written with --headless DIR", "gui no-gui nogui o out output save window"
     ),
     _Instead("the ending of --out chooses what is written", "format"),
-    _Instead("the name of the file stands without an option before it", f"o out output save to {_READ}", "NAME.TOML"),
+    _Instead("the file stands without an option before it", f"name o out output save to {_READ}", "NAME.TOML"),
     _Instead("the name of the file stands without an option before it", _READ, "LOG"),
     _Instead("the name of the file stands without an option before it", _READ, "FILE"),
     _Instead("the file to write is --out", "file filename log o record save save-as to write"),
 )
 FORMATS = ["csv", "gif", "html", "jpg", "json", "mat", "mcap", "mp4", "npz", "pdf", "png", "svg", "txt", "xlsx", "yaml"]
 SAVE = ("o", "out", "output", "outfile", "save", "to")
-PICTURES = ("draw", "figure", "image", "picture", "plot", "save-plot")
+PICTURES = ("chart", "draw", "figure", "graph", "image", "picture", "plot", "save-plot")
 # options that stand before the command
 GLOBAL = {
     "debug": "--verbose",
@@ -230,6 +239,7 @@ WORDS_OF_HELP = {
     **dict.fromkeys(("distance", "depth"), "range"),
     **dict.fromkeys(("animate", "animation", "movie", "video"), "film"),
     "scale": "unit",
+    **dict.fromkeys(("continuous", "endless", "follow", "forever", "live", "stream", "tail"), "Ctrl-C"),
     **dict.fromkeys(("clobber", "replace"), "overwrite"),
 }
 

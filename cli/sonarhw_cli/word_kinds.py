@@ -53,7 +53,12 @@ _KINDS = {
     "folder": ("a folder", "give the name of a file in it{such}"),
     "URL": ("the URL of a scanner", "`sonarhw scan {name} --out LOG.mcap` records a log"),
 }
-_CHECKING = {"room": "room check", "board": "profile check"}
+# commands for words of another kind than a command of the first name expects
+_OTHER_COMMANDS = {
+    ("check", "room"): "`sonarhw room check {name}` checks it",
+    ("check", "board"): "`sonarhw profile check {name}` checks it",
+    ("import", "log"): "`sonarhw map {name} --out ROOM.toml` finds the room",
+}
 _ROOM, _BOARD, _LOG = "room|shipped room", "board|shipped board", "log"
 # what an argument or an option expects: its metavar or its name, the kinds, and their description
 _EXPECTED = {
@@ -148,9 +153,8 @@ def _advice(word: str, kind: str, parameter: Any, context: typer.Context) -> str
     """Return what to do with a word of another kind than a parameter expects: another option, or another command."""
     if parameter.metavar == "URL" and kind in _ROOM.split("|"):
         return f"'fake:{word}?place=NAME' is a fake scanner in it"
-    checking = _CHECKING.get(kind.rpartition(" ")[2])
-    if checking and context.info_name == "check":
-        return f"`sonarhw {checking} {word}` checks it"
+    if other := _OTHER_COMMANDS.get((context.info_name or "", kind.rpartition(" ")[2])):
+        return other.format(name=shlex.quote(word))
     if taking := option_taking(word, context, parameter):
         return f"give it with `{taking}`"
     kinds = expected_of(parameter, context.command)[0].split("|")
@@ -178,8 +182,8 @@ def option_taking(word: str, context: typer.Context, but: Any = None) -> str:
         value = written_option(parameter, context).partition(" ")[2]
         is_choice = not kind and "." not in value and "|" in value and word in value.split("|")
         is_kind = kind and kind in expected_of(parameter)[0].split("|")
-        is_output = ending and not kind and re.search(rf"[|.]{re.escape(ending[1:])}\b", value)
-        if is_choice or is_kind or is_output:
+        is_written = not expected_of(parameter)[0] and re.search(rf"[|.]{re.escape(ending[1:])}\b", value)
+        if is_choice or is_kind or (ending and not kind and is_written):
             return f"{parameter.opts[0]} {shlex.quote(word)}"
     return ""
 
