@@ -58,14 +58,8 @@ def complaints(path: Path) -> list[str]:
         return [str(error)]
     end = next(number for number, (_, _, record) in enumerate(placed) if isinstance(record, DataEnd))
     data, summary = placed[:end], [record for _, _, record in placed[end + 1 :]]
-    return [
-        *_order(placed),
-        *_checksums(path, placed, end),
-        *_chunks(data),
-        *_indexes(data, summary),
-        *_statistics(data, summary),
-        *_summary_offsets(placed[end + 1 :]),
-    ]
+    wrong = [*_order(placed), *_checksums(path, placed, end), *_chunks(data), *_indexes(data, summary)]
+    return [*wrong, *_statistics(data, summary), *_summary_offsets(placed[end + 1 :])]
 
 
 def _order(placed: list[Placed]) -> list[str]:

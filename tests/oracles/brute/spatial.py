@@ -84,14 +84,8 @@ def random_l_shape(seed: int) -> tuple[Room, Place]:
     random = np.random.default_rng(seed)
     (x, y), top = random.uniform(2.2, 3.0, 2).tolist(), float(random.uniform(1.6, 2.4))
     inner = random.uniform(0.45, 0.65, 2) * (x, y)
-    ends = (
-        (0.0, 0.0),
-        (x, 0.0),
-        (x, float(inner[1])),
-        (float(inner[0]), float(inner[1])),
-        (float(inner[0]), y),
-        (0.0, y),
-    )
+    in_x, in_y = inner.tolist()
+    ends = ((0.0, 0.0), (x, 0.0), (x, in_y), (in_x, in_y), (in_x, y), (0.0, y))
     half, turn = random.uniform(0.12, 0.25, 2), float(random.uniform(0, math.pi))
     middle = inner * random.uniform(0.45, 0.55, 2)
     rotation = np.array([[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]])

@@ -128,13 +128,7 @@ def _with_checksums(data: bytes) -> bytes:
 
 def _other_frames(chance: Random, path: Path, room: str, board: str) -> bytes:
     metadata = replace(METADATA, room_text=room, board_text=board, board="paper")
-    usual: tuple[type[msg.Message], ...] = (
-        msg.Settings,
-        msg.Started,
-        msg.ReadingMessage,
-        msg.ReadingMessage,
-        msg.Finished,
-    )
+    usual: list[type[msg.Message]] = [msg.Settings, msg.Started, *2 * [msg.ReadingMessage], msg.Finished]
     with path.open("wb") as file, LogWriter(file, metadata) as log:
         for number in range(chance.randrange(1, 25)):
             kind = usual[number] if number < len(usual) and chance.random() < 0.8 else None

@@ -228,15 +228,10 @@ def test_deviations_along_a_long_ridge_follow_from_its_bounds() -> None:
 def test_a_fit_models_the_late_detection_of_the_boards_own_receiver() -> None:
     board, options = load_board("polaroid-6500"), PredictionOptions(receiver=Receiver.BOARD)
     scan = predicted_scan(ARENA, TRUTH, board, options=options)
+    predictions = [PredictionOptions(receiver=receiver) for receiver in (Receiver.FIRST_ECHO, Receiver.BOARD)]
     paper, own = (
-        fitted(
-            [scan],
-            "position",
-            "heading",
-            board=board,
-            options=replace(NEARBY, prediction=PredictionOptions(receiver=receiver)),
-        )
-        for receiver in (Receiver.FIRST_ECHO, Receiver.BOARD)
+        fitted([scan], "position", "heading", board=board, options=replace(NEARBY, prediction=prediction))
+        for prediction in predictions
     )
     assert math.dist(own.places[0].position, TRUTH.position) < 0.002
     # the paper's receiver does not model 45 mm between a loud and a faint echo

@@ -66,17 +66,9 @@ def test_one_reading_gives_the_printed_profiles(degrees: float, far: float) -> N
 
 def test_certainty_outside_the_grid_is_0_and_inside_that_of_the_cell() -> None:
     grid = map.CertaintyGrid(1.0, 2.0, 0.5, np.zeros((2, 3)), np.array([[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]]))
-    points = [
-        [1.01, 2.01],
-        [2.49, 2.01],
-        [1.01, 2.99],
-        [2.49, 2.99],
-        [0.99, 2.5],
-        [2.51, 2.5],
-        [1.5, 1.99],
-        [1.5, 3.01],
-    ]
-    assert grid.at(np.array(points)) == pytest.approx([0.1, 0.3, 0.4, 0.6, 0, 0, 0, 0])
+    x = 1.01, 2.49, 1.01, 2.49, 0.99, 2.51, 1.5, 1.5
+    y = 2.01, 2.01, 2.99, 2.99, 2.5, 2.5, 1.99, 3.01
+    assert grid.at(np.column_stack((x, y))) == pytest.approx([0.1, 0.3, 0.4, 0.6, 0, 0, 0, 0])
     assert grid.extent == (1.0, 2.5, 2.0, 3.0)
 
 

@@ -46,16 +46,14 @@ def test_sound_repeats_before_a_near_wall(place: str, heading: float, wall: str,
     scan = predict(ROOM.places[place], heading, unit=Unit.REFLECT)
     assert scan.ranges[0] == pytest.approx(trips * away, abs=1e-9)
     assert via(scan, 0) == (wall, *("unit", wall) * (trips - 1))
-    assert [echo.range for echo in scan.ping(0).blanked_echoes][: trips - 1] == pytest.approx(
-        np.arange(1, trips) * away
-    )
+    expected = pytest.approx(np.arange(1, trips) * away)
+    assert [echo.range for echo in scan.ping(0).blanked_echoes][: trips - 1] == expected
 
 
 def test_a_blocking_face_absorbs_the_echo_of_a_parallel_plate() -> None:
     scan = predict(HERE, 0.0, unit=Unit.BLOCK, room=PLATE)
-    assert [echo.range for echo in scan.ping(0).blanked_echoes if scan.paths.edges[echo.path] < 0] == pytest.approx(
-        [0.15]
-    )
+    expected = pytest.approx([0.15])
+    assert [echo.range for echo in scan.ping(0).blanked_echoes if scan.paths.edges[echo.path] < 0] == expected
     assert not [echo for echo in scan.ping(0).echoes if scan.paths.edges[echo.path] < 0]
 
 
@@ -73,9 +71,8 @@ def test_face_off_the_axis_has_the_readings_of_an_axis_there(mount: profile.Moun
         x, y = np.array(place.position) + mount.ahead * ahead + mount.aside * np.array([-ahead[1], ahead[0]])
         alone = predict(replace(place, position=(float(x), float(y))), degrees[k], unit=unit, board=near)
         assert mounted.ranges[k] == pytest.approx(alone.ranges[0], nan_ok=True, abs=1e-9)
-        assert [e.range for e in mounted.ping(k).echoes] == pytest.approx(
-            [e.range for e in alone.ping(0).echoes], abs=1e-9
-        )
+        expected = pytest.approx([e.range for e in alone.ping(0).echoes], abs=1e-9)
+        assert [e.range for e in mounted.ping(k).echoes] == expected
         assert mounted.standpoints[k] == pytest.approx((x, y))
 
 

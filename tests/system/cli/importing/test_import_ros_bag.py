@@ -79,10 +79,8 @@ def test_scans_are_sweeps_and_sonars_are_a_step_apart(tmp_path: Path, kind: Any)
     assert readings[5].time - readings[0].time == pytest.approx(1.0, abs=1e-5)
     left = imported(bag, "--topic", "/sonar/left", "--step", "90")
     right = imported(bag, "--topic", "/sonar/right", "--step", "90")
-    assert [(math.degrees(one.angle), one.range) for one in (*left, *right)] == [
-        (pytest.approx(90, abs=1e-5), pytest.approx(0.75, abs=1e-6)),
-        (pytest.approx(180, abs=1e-5), None),
-    ]
+    expected = [(pytest.approx(90, abs=1e-5), pytest.approx(0.75, abs=1e-6)), (pytest.approx(180, abs=1e-5), None)]
+    assert [(math.degrees(one.angle), one.range) for one in (*left, *right)] == expected
     assert len(imported(bag, "--step", "90")) == 12
     assert run(["import", str(bag), "--out", str(tmp_path / "all.mcap")]) == 2  # where the sensors point is unknown
 

@@ -31,11 +31,8 @@ def test_only_known_usb_adapters_are_taken_for_scanners(plugged: list[ListPortIn
         port("/dev/a", None, None, None, ""),
         port("/dev/c", 1, 2, "3", "1-2"),
     ]
-    assert [(found.device, found.known) for found in serial_ports()] == [
-        ("/dev/a", None),
-        ("/dev/b", KNOWN_USB_IDS[MEGA]),
-        ("/dev/c", None),
-    ]
+    expected = [("/dev/a", None), ("/dev/b", KNOWN_USB_IDS[MEGA]), ("/dev/c", None)]
+    assert [(found.device, found.known) for found in serial_ports()] == expected
 
 
 @pytest.mark.parametrize("linked", [False, True], ids=["by its name", "by a link to it"])

@@ -130,9 +130,8 @@ def assert_equal(one: Log, other: Log) -> None:
     assert len(one.frames) == len(other.frames) == len([*one.frames])
     assert len(one.scans) == len(other.scans)
     for mine, theirs in zip(one.scans, other.scans, strict=True):
-        assert (mine.began, mine.expected, mine.settings, mine.finished) == (
-            (theirs.began, theirs.expected, theirs.settings, theirs.finished)
-        )
+        expected = (theirs.began, theirs.expected, theirs.settings, theirs.finished)
+        assert (mine.began, mine.expected, mine.settings, mine.finished) == expected
         for a, b in zip(mine.readings, theirs.readings, strict=True):
             assert repr(replace(a, trace=None)) == repr(replace(b, trace=None))  # repr, because NaN does not equal NaN
             assert (a.trace is None) == (b.trace is None)

@@ -24,14 +24,8 @@ from sonarhw.wire.frames import DELIMITER, Frame, FrameDecoder, encode_frame
 from sonarhw.wire.limits import MAX_ECHOES, MAX_PAYLOAD, MAX_TEST
 from tests.fixtures.protocol_document import DOCUMENT, block, rows
 
-RANGES = {
-    "B": (0, 2**8),
-    "H": (0, 2**16),
-    "I": (0, 2**32),
-    "Q": (0, 2**64),
-    "h": (-(2**15), 2**15),
-    "i": (-(2**31), 2**31),
-}
+RANGES = {"B": (0, 2**8), "H": (0, 2**16), "I": (0, 2**32), "Q": (0, 2**64)}
+RANGES |= {"h": (-(2**15), 2**15), "i": (-(2**31), 2**31)}
 
 
 def values(wire: msg.Wire) -> st.SearchStrategy[Any]:
@@ -173,22 +167,13 @@ def test_exactly_the_existing_messages_are_documented() -> None:
     assert {int(kind, 16): name for name, kind in documented} == {kind: m.__name__ for kind, m in msg.BY_TYPE.items()}
 
 
-@pytest.mark.parametrize(
-    ("title", "codes"),
-    [
-        ("State codes", msg.State),
-        ("Outcome codes", msg.Outcome),
-        ("Zero codes", msg.Zero),
-        ("Refusal codes", msg.Refusal),
-        ("Trace codes", msg.TraceKind),
-        ("Approach codes", msg.Approach),
-        ("Reset codes", msg.ResetCause),
-        ("Feature codes", msg.Feature),
-        ("Input codes", msg.Input),
-        ("Wiring codes", msg.Wiring),
-    ],
-)
-def test_tables_of_codes_match_the_code(title: str, codes: type[IntEnum]) -> None:
+CODES = [msg.State, msg.Outcome, msg.Zero, msg.Refusal, msg.TraceKind, msg.Approach, msg.ResetCause]
+CODES += [msg.Feature, msg.Input, msg.Wiring]
+
+
+@pytest.mark.parametrize("codes", CODES)
+def test_tables_of_codes_match_the_code(codes: type[IntEnum]) -> None:
+    title = f"{codes.__name__.removesuffix('Kind').removesuffix('Cause')} codes"
     assert [(int(row[0]), row[1]) for row in rows(title)] == [(code.value, code.name) for code in codes]
 
 
