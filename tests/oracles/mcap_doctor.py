@@ -198,14 +198,9 @@ def _statistics(data: list[Placed], summary: list[McapRecord]) -> list[str]:
 
 
 def _summary_offsets(placed: list[Placed]) -> list[str]:
-    opcodes = {
-        Schema: Opcode.SCHEMA,
-        Channel: Opcode.CHANNEL,
-        Statistics: Opcode.STATISTICS,
-        ChunkIndex: Opcode.CHUNK_INDEX,
-        AttachmentIndex: Opcode.ATTACHMENT_INDEX,
-        MetadataIndex: Opcode.METADATA_INDEX,
-    }
+    opcodes = {Schema: Opcode.SCHEMA, Channel: Opcode.CHANNEL, Statistics: Opcode.STATISTICS}
+    opcodes |= {ChunkIndex: Opcode.CHUNK_INDEX, AttachmentIndex: Opcode.ATTACHMENT_INDEX}
+    opcodes[MetadataIndex] = Opcode.METADATA_INDEX
     wrong = []
     for offset in (record for _, _, record in placed if isinstance(record, SummaryOffset)):
         begin, end = offset.group_start, offset.group_start + offset.group_length

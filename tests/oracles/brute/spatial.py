@@ -47,14 +47,10 @@ def random_box(seed: int) -> Box:
     shares = random.uniform(0.5, 1.0, (3, 2))
     position = random.uniform(0.15, 0.85, 3) * size
     (x, y, top), ((west, east), (south, north), (floor, ceiling)) = size.tolist(), shares.tolist()
-    sides = {
-        "south": (((0.0, 0.0), (x, 0.0)), south),
-        "east": (((x, 0.0), (x, y)), east),
-        "north": (((x, y), (0.0, y)), north),
-        "west": (((0.0, y), (0.0, 0.0)), west),
-    }
-    walls = "".join(_wall(name, points, name) for name, (points, _) in sides.items())
-    room = _room(walls, top, {name: share for name, (_, share) in sides.items()}, floor, ceiling)
+    corners = ((0.0, 0.0), (x, 0.0), (x, y), (0.0, y), (0.0, 0.0))
+    sides = {"south": south, "east": east, "north": north, "west": west}
+    walls = "".join(_wall(name, points, name) for name, points in zip(sides, itertools.pairwise(corners), strict=True))
+    room = _room(walls, top, sides, floor, ceiling)
     return Box(room, _place(position), size, shares)
 
 

@@ -31,12 +31,8 @@ HERE = Place("", (0.3, 0.1))
 def grid_of(*rows: tuple[float, float], cell: float = 0.01, x: float = 0.3) -> map.CertaintyGrid:
     """Return the grid of readings of headings (degrees) and ranges (m) at (`x`, 0.1)."""
     degrees, ranges = zip(*rows, strict=True)
-    return map.certainty_grid(
-        [PlacedScan(readings_of(np.radians(degrees), ranges), replace(HERE, position=(x, 0.1)))],
-        BOARD,
-        [np.ones(len(rows), np.bool_)],
-        cell,
-    )
+    scan = PlacedScan(readings_of(np.radians(degrees), ranges), replace(HERE, position=(x, 0.1)))
+    return map.certainty_grid([scan], BOARD, [np.ones(len(rows), np.bool_)], cell)
 
 
 def polar(grid: map.CertaintyGrid, degrees: float) -> tuple[np.ndarray, np.ndarray]:

@@ -117,13 +117,9 @@ def by_wall(ring: profile.Ring, sender: int, listener: int) -> float:
 
 def path_from(scan: PredictedScan, listener: int, sender: int) -> int:
     """Return the row of the path from a sender over the wall straight to a receiver, both as rows of the scan."""
-    return next(
-        k
-        for k in range(len(scan.paths))
-        if scan.only_at[k] == listener
-        and math.isclose(scan.sender_headings[k], scan.headings[sender])
-        and scan.paths.via(k, scan.room) == ("w[0]",)
-    )
+    from_it = np.isclose(scan.sender_headings, scan.headings[sender], rtol=1e-9, atol=0.0)
+    rows = np.flatnonzero((np.array(scan.only_at) == listener) & from_it)
+    return next(int(k) for k in rows if scan.paths.via(k, scan.room) == ("w[0]",))
 
 
 def test_neighbour_is_received_at_the_distance_of_its_mirror_image() -> None:

@@ -33,12 +33,8 @@ def messages(store: Any, ros1: bool) -> list[tuple[str, str, Any]]:
     extra = {"variance": 0.0} if "variance" in sonar.__dataclass_fields__ else {}
     limits = {"radiation_type": 0, "field_of_view": 0.5, "min_range": 0.02, "max_range": 4.0}
     pings = [sonar(header=stamped(store, 2, ros1), **limits, range=far, **extra) for far in (0.75, 5.0)]
-    return [
-        ("/scan", scan.__msgtype__, sweep),
-        ("/scan", scan.__msgtype__, sweep),
-        ("/sonar/left", sonar.__msgtype__, pings[0]),
-        ("/sonar/right", sonar.__msgtype__, pings[1]),
-    ]
+    sides = zip(("/sonar/left", "/sonar/right"), pings, strict=True)
+    return [*2 * [("/scan", scan.__msgtype__, sweep)], *((topic, sonar.__msgtype__, ping) for topic, ping in sides)]
 
 
 def fill(writer: Any, store: Any, ros1: bool) -> None:
@@ -87,7 +83,7 @@ def test_scans_are_sweeps_and_sonars_are_a_step_apart(tmp_path: Path, kind: Any)
 
 def moving(store: Any, ros1: bool, framed: bool) -> list[tuple[str, str, Any]]:
     """Poses at 0 and 4 s around the messages above: of odometry, or of frames that are turned by 90° in the map."""
-    kinds = store.types
+    kinds, moves = store.types, ((0.0, 3.1), (2.0, 3.1 + 0.4))
     vector, quaternion = kinds["geometry_msgs/msg/Vector3"], kinds["geometry_msgs/msg/Quaternion"]
 
     def turned(yaw: float) -> Any:
@@ -102,28 +98,14 @@ def moving(store: Any, ros1: bool, framed: bool) -> list[tuple[str, str, Any]]:
             return stamped_kind(header, child, transform(vector(x, 0.0, 0.0), turned(yaw)))
 
         many = kinds["tf2_msgs/msg/TFMessage"]
-        return [
-            (
-                "/tf",
-                many.__msgtype__,
-                many([frame("map", "odom", 5.0, math.pi / 2), frame("odom", "base_link", x, yaw)]),
-            )
-            for x, yaw in ((0.0, 3.1), (2.0, 3.1 + 0.4))
-        ]
+        fixed = frame("map", "odom", 5.0, math.pi / 2)
+        return [("/tf", many.__msgtype__, many([fixed, frame("odom", "base_link", *at)])) for at in moves]
     pose, point = kinds["geometry_msgs/msg/Pose"], kinds["geometry_msgs/msg/Point"]
     placed, moved = kinds["geometry_msgs/msg/PoseWithCovariance"], kinds["geometry_msgs/msg/TwistWithCovariance"]
     still = moved(kinds["geometry_msgs/msg/Twist"](vector(0.0, 0.0, 0.0), vector(0.0, 0.0, 0.0)), np.zeros(36))
     odometry = kinds["nav_msgs/msg/Odometry"]
-    return [
-        (
-            "/odom",
-            odometry.__msgtype__,
-            odometry(
-                stamped(store, 0, ros1), "base", placed(pose(point(x, 0.0, 0.0), turned(yaw)), np.zeros(36)), still
-            ),
-        )
-        for x, yaw in ((0.0, 3.1), (2.0, 3.1 + 0.4))
-    ]
+    poses = [placed(pose(point(x, 0.0, 0.0), turned(yaw)), np.zeros(36)) for x, yaw in moves]
+    return [("/odom", odometry.__msgtype__, odometry(stamped(store, 0, ros1), "base", at, still)) for at in poses]
 
 
 @pytest.mark.parametrize("ros1", [True, False], ids=["ROS 1", "ROS 2"])

@@ -41,12 +41,8 @@ def values(wire: msg.Wire) -> st.SearchStrategy[Any]:
             return st.binary(max_size=256)
 
 
-messages = st.one_of(
-    [
-        st.builds(kind, *(values(item.metadata["wire"]) for item in fields(kind)))
-        for kind in msg.FROM_HOST + msg.FROM_DEVICE
-    ]
-)
+KINDS = msg.FROM_HOST + msg.FROM_DEVICE
+messages = st.one_of([st.builds(kind, *(values(item.metadata["wire"]) for item in fields(kind))) for kind in KINDS])
 
 
 @given(messages, st.binary(max_size=20))
@@ -235,11 +231,8 @@ def widest(item: Field[Any]) -> int | bytes:
 
 
 def test_every_frame_in_the_conversation_decodes_to_the_message_above_it() -> None:
-    entries = re.findall(
-        r"^(host  |device)  #(\d+) at (\d+) us  (\w+\(.*\))\n((?:        (?:[0-9A-F]{2} ?)+\n)+)",
-        block("conversation"),
-        re.M,
-    )
+    entry = r"^(host  |device)  #(\d+) at (\d+) us  (\w+\(.*\))\n((?:        (?:[0-9A-F]{2} ?)+\n)+)"
+    entries = re.findall(entry, block("conversation"), re.M)
     assert len(entries) == block("conversation").count(" at ")
     for side, sequence, time, message, wire in entries:
         (frame,) = FrameDecoder().feed(bytes.fromhex(wire))
@@ -254,17 +247,10 @@ def test_the_fake_board_repeats_the_documented_conversation_byte_for_byte() -> N
 
 def conversation() -> str:
     """Return the conversation with the present fake board; paste it into the document if the protocol has changed."""
-    commands = [
-        (0.000, msg.Hello(1, 2)),
-        (0.001, msg.AskCapabilities()),
-        (0.002, msg.Configure(20_000, 2_380, 1, 343_200)),
-        (0.004, msg.Home()),
-        (0.100, msg.StartScan(0, 10_000_000, 2, 1, 1)),
-        (0.340, msg.Resend(1, 1)),
-        (0.342, msg.Turn(800_000_000)),
-        (0.344, msg.AskStatistics()),
-        (0.346, msg.Stop()),
-    ]
+    times = 0.0, 0.001, 0.002, 0.004, 0.1, 0.34, 0.342, 0.344, 0.346
+    sent = [msg.Hello(1, 2), msg.AskCapabilities(), msg.Configure(20_000, 2_380, 1, 343_200), msg.Home()]
+    sent += [msg.StartScan(0, 10_000_000, 2, 1, 1), msg.Resend(1, 1), msg.Turn(800_000_000)]
+    commands = zip(times, [*sent, msg.AskStatistics(), msg.Stop()], strict=True)
     board = FakeBoard(DocumentedRoom(), seed=TRANSCRIPT_SEED)
     lines = []
     for sequence, (time, message) in enumerate(commands, start=1):
