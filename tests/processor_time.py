@@ -21,9 +21,7 @@ def _spent() -> float:
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add `--slowest`."""
-    parser.addoption(
-        "--slowest", type=int, default=0, metavar="N", help="print the N tests that need most processor time"
-    )
+    parser.addoption("--slowest", type=int, default=0, metavar="N", help="print the N tests with most processor time")
 
 
 @pytest.hookimpl(wrapper=True)

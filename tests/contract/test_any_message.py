@@ -27,9 +27,7 @@ def values(wire: msg.Scalar | msg.Counted) -> st.SearchStrategy[int] | st.Search
     return st.sampled_from([lowest, 0, 1, highest]) | st.integers(lowest, highest)
 
 
-MESSAGES = st.one_of(
-    [st.builds(kind, *(values(item.metadata["wire"]) for item in fields(kind))) for kind in msg.FROM_HOST]
-)
+MESSAGES = st.one_of([st.builds(k, *(values(item.metadata["wire"]) for item in fields(k))) for k in msg.FROM_HOST])
 ANY_FRAMES = MESSAGES.map(lambda message: (message.TYPE, message.pack())) | st.tuples(
     st.integers(0, 0xFF), st.binary(max_size=20)
 )

@@ -72,9 +72,7 @@ def test_noise_is_ignored_and_the_next_command_is_served(talk: Talk) -> None:
         since = len(talk.received)
         talk.write(damage)
         talk.ask(msg.AskStatistics(), msg.Statistics)
-        others = [
-            message for message in talk.messages(since) if not isinstance(message, msg.Heartbeat | msg.Statistics)
-        ]
+        others = [one for one in talk.messages(since) if not isinstance(one, msg.Heartbeat | msg.Statistics)]
         assert others == [], name
 
 

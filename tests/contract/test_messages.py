@@ -354,9 +354,7 @@ def test_a_stopped_scan_ends_before_stop_is_answered(talk: Talk) -> None:
     talk.home()
     since = len(talk.received)
     number, stop = talk.send(LONG, msg.Stop())
-    messages = talk.until(
-        lambda received: any(isinstance(m, msg.Accepted) and m.command == stop for m in received), since
-    )
+    messages = talk.until(lambda all: any(isinstance(m, msg.Accepted) and m.command == stop for m in all), since)
     ends = [message for message in messages if isinstance(message, msg.Finished | msg.Accepted)]
     assert [(type(message), message.command) for message in ends] == [(msg.Finished, number), (msg.Accepted, stop)]
     (finished,) = [message for message in ends if isinstance(message, msg.Finished)]

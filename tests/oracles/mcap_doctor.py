@@ -141,9 +141,7 @@ def _chunk_index(index: ChunkIndex, data: list[Placed], by_offset: dict[int, tup
         wrong.append(f"{where}: times")
     begin = index.chunk_start_offset + index.chunk_length
     following = [r for at, _, r in data if begin <= at < begin + index.message_index_length]
-    if {record.channel_id for record in following if isinstance(record, MessageIndex)} != {
-        *index.message_index_offsets
-    }:
+    if {one.channel_id for one in following if isinstance(one, MessageIndex)} != {*index.message_index_offsets}:
         wrong.append(f"{where}: message indexes")
     stream, size = get_chunk_data_stream(chunk, validate_crc=True)
     content = stream.read(size)

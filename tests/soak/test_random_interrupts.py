@@ -139,9 +139,7 @@ def test_ctrl_c_at_any_time_leaves_whole_files(inputs: dict[str, bytes], tmp_pat
 
 def torn_files(folder: Path, inputs: dict[str, bytes]) -> list[str]:
     """Return the changed inputs, the incomplete outputs and the temporary files."""
-    faults = [
-        name for name, content in inputs.items() if name != "old.mcap" and (folder / name).read_bytes() != content
-    ]
+    faults = [name for name, given in inputs.items() if name != "old.mcap" and (folder / name).read_bytes() != given]
     replaced = (folder / "old.mcap").read_bytes() != inputs["old.mcap"]
     if replaced and read_log(folder / "old.mcap").torn is not None:
         faults.append("old.mcap")

@@ -196,9 +196,7 @@ def _into_corners(scene: Scene, points: Floats, surfaces: Ints) -> bool:
         if math.dist(points[k + 1], points[k + 2]) > _AT_END:
             continue
         walls = scene.walls[surfaces[k : k + 2]]
-        onto = [
-            max((wall[:2], wall[2:]), key=lambda end: math.dist(end, points[k + 1])) - points[k + 1] for wall in walls
-        ]
+        onto = [max((wall[:2], wall[2:]), key=lambda e: math.dist(e, points[k + 1])) - points[k + 1] for wall in walls]
         coming = points[k + 1] - points[k]
         along = onto[0] / math.hypot(*onto[0])
         leaving = 2 * (coming @ along) * along - coming

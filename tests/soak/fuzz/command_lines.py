@@ -40,9 +40,7 @@ position = [0.774, 0.085]
 heading_deg = 10.0
 """
 # hears less far than the board it is made from, so that a case needs little time
-BOARD = (
-    load_board("paper").text.replace("max_range = 10.7", "max_range = 1.2").replace('name = "paper"', 'name = "near"')
-)
+BOARD = load_board("paper").text.replace("max_range = 10.7", "max_range = 1.2").replace('"paper"', '"near"')
 STUDY = """name = "Study"
 seed = 1
 draws = 2

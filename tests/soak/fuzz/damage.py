@@ -74,9 +74,7 @@ def _other_lines(chance: Random, text: str) -> str:
         case 1:
             lines.insert(at, lines[chance.randrange(len(lines))])
         case 2:
-            lines.insert(
-                at, chance.choice(("colour = 1", "[x]", "[[walls]]", "[[posts]]", "\0", "=", "x" * 100_000, "["))
-            )
+            lines.insert(at, chance.choice(("a = 1", "[x]", "[[walls]]", "[[posts]]", "\0", "=", "x" * 100_000, "[")))
         case 3:
             chance.shuffle(lines)
         case 4:

@@ -26,9 +26,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def output(arguments: list[str], **environment: str) -> str:
     """Return the standard output of a command."""
-    done = subprocess.run(
-        arguments, env=os.environ | environment, capture_output=True, text=True, check=False, timeout=60
-    )
+    done = subprocess.run(arguments, env=os.environ | environment, capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stderr) == (0, "")
     return done.stdout
 

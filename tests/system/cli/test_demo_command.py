@@ -7,7 +7,7 @@ import pytest
 from sonarhw_cli.app import run
 
 from sonarhw.log import read_log
-from tests.checkout import CHECKOUT
+from tests.fixtures.commands import SIMPLE_ROOM
 
 
 @pytest.fixture
@@ -49,9 +49,7 @@ def test_demo_without_a_display_writes_its_files(tmp_path: Path, capsys: pytest.
 
 @pytest.mark.usefixtures("without_display")
 def test_gui_without_a_display_names_commands_for_the_log(capsys: pytest.CaptureFixture[str]) -> None:
-    assert (
-        run(["simulate", str(CHECKOUT / "rooms" / "simple.toml"), "--place", "figure9", "--out", "my scan.mcap"]) == 0
-    )
+    assert run(["simulate", str(SIMPLE_ROOM), "--place", "figure9", "--out", "my scan.mcap"]) == 0
     assert run(["gui", "my scan.mcap"]) == 1
     error = capsys.readouterr().err
     assert "`sonarhw report 'my scan.mcap' --out FILE.html`" in error

@@ -91,9 +91,7 @@ def test_a_room_predicts_another_scan(folder: Path, tmp_path: Path, capsys: pyte
 
     board, headings = load_board("polaroid-6500"), np.radians(np.arange(0.0, 360.0, 3.0))
     elsewhere = Place("", (0.9, 1.3))
-    ranges = [
-        predict_scan(room, elsewhere, board, headings).ranges for room in (load_room(folder / "true.toml"), found)
-    ]
+    ranges = [predict_scan(one, elsewhere, board, headings).ranges for one in (load_room(folder / "true.toml"), found)]
     assert np.nanmean(np.abs(ranges[0] - ranges[1]) < 0.05) > 0.85
 
 

@@ -101,9 +101,7 @@ def test_the_table_of_the_guide_has_the_pins_of_the_firmware(column: int, chip: 
 
 
 def test_the_header_pins_in_the_sources_are_those_of_the_gpio() -> None:
-    written = re.findall(
-        r"^#define (\w+) \d+ //\s+(\d+)", (FIRMWARE / "linux" / "pins.h").read_text("utf-8"), re.MULTILINE
-    )
+    written = re.findall(r"^#define (\w+) \d+ //\s+(\d+)", (FIRMWARE / "linux" / "pins.h").read_text(), re.M)
     assert dict(written) == header_pins()
 
 

@@ -21,9 +21,7 @@ def dense_readings(scene: Scene, count: int, sweep: int = 3600) -> list[Reading]
     ranges[SHORT] /= 1.5
     speed = scene.room.air.speed_of_sound
     echoes = [() if math.isnan(far) else (2 * far / speed,) for far in ranges.tolist()]
-    return [
-        Reading(k, k // sweep, 0, float(angles[k % sweep]), 0.1 * k, echoes[k % sweep], speed) for k in range(count)
-    ]
+    return [Reading(k, k // sweep, 0, angles[k % sweep], 0.1 * k, echoes[k % sweep], speed) for k in range(count)]
 
 
 def dense_log(path: Path, scene: Scene, count: int, sweep: int = 3600) -> Log:

@@ -145,9 +145,7 @@ def settled_memory(window: MainWindow, log: Path) -> int:
     session.fitting.cancel()
     session.causes.cancel()
     session.finding.cancel()
-    until(
-        lambda: not session.live.running and not session.jobs.busy("save files") and not session.jobs.busy("open files")
-    )
+    until(lambda: not (session.live.running or session.jobs.busy("save files") or session.jobs.busy("open files")))
     while session.scans.scans:
         session.scans.remove(0)
     session.showing.set_look(Look())

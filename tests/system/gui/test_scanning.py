@@ -382,9 +382,7 @@ def test_a_cable_pulled_during_a_scan(open_with: OpenWith, scene: Scene, during:
     assert len(read_log(session.status.job.recording).readings) == LONG.readings
 
 
-def test_a_cable_pulled_in_between(
-    open_session: OpenSession, board: FakeBoard, during: ExitStack, scene: Scene
-) -> None:
+def test_a_cable_pulled_between(open_session: OpenSession, board: FakeBoard, during: ExitStack, scene: Scene) -> None:
     endpoint = during.enter_context(serve(board, tcp="127.0.0.1:0", pace="max"))
     session = open_session(lambda: Scanner.open(endpoint.url, reconnect=AWAY))
     session.scan()

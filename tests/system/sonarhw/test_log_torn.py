@@ -49,9 +49,7 @@ def chunk_spans(path: Path) -> list[tuple[int, int, bool]]:
 def chunk_ends(path: Path) -> list[tuple[int, int]]:
     """Return the end of each chunk and the number of readings up to there."""
     spans = chunk_spans(path)
-    return [
-        (end, readings) for (_, end, _), readings in zip(spans, accumulate(is_one for *_, is_one in spans), strict=True)
-    ]
+    return [(end, count) for (_, end, _), count in zip(spans, accumulate(one for *_, one in spans), strict=True)]
 
 
 def first_record_end(data: bytes) -> int:

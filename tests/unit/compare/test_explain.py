@@ -183,9 +183,7 @@ def test_a_sentence_states_what_the_receiver_adds_to_the_path() -> None:
     # so that the sum is not the reading
     assert f"{added}; {range_:.3f} m is predicted; the near" in said_of(270.0, range_ + 0.01, POLAROID)
     assert outcome_text(ranked_echoes(of_board, 0)[0]) == f"wins, receiver adds {range_ - 0.827:.3f} m"
-    assert "and the receiver of the board subtracts 0.010 m" in said_of(
-        270.0, 0.817, replace(PAPER, range_offset=-0.01)
-    )
+    assert "the receiver of the board subtracts 0.010 m" in said_of(270.0, 0.817, replace(PAPER, range_offset=-0.01))
 
 
 def via(scan: PredictedScan, echo: RankedEcho) -> str:

@@ -21,9 +21,7 @@ from sonarhw.readings import FloatArray
 from tests.fixtures.predicted_readings import readings_of
 
 ROOM, BOARD = load_room("arena"), load_board("lego-nxt")
-SCORES = Scores(
-    np.array([[0.0, 0.0], [1.0, 0.0]]), np.array([0.0, 1.0]), np.array([[0.0, -1.0], [-2.0, -math.inf]]), 1.0
-)
+SCORES = Scores(np.array([[0.0, 0.0], [1.0, 0.0]]), np.arange(2.0), np.array([[0.0, -1.0], [-2.0, -math.inf]]), 1.0)
 
 
 def located(*poses: tuple[tuple[float, float], float], readings: int = 0, **more: object) -> locate.Located:
@@ -59,9 +57,7 @@ def test_of_poses_that_the_scan_cannot_distinguish_that_at_a_known_place_is_chos
 
 def test_a_scan_that_only_clockwise_angles_put_at_a_known_place_is_doubtful() -> None:
     x, y = ROOM.place("p3").position
-    mirrored, twin = (
-        locate.Pose(position, 0.0, 0.0, 0.05, (0.01, 0.01, 0.01)) for position in ((0.2, 0.2), (x, y + 0.02))
-    )
+    mirrored, twin = (locate.Pose(at, 0.0, 0.0, 0.05, (0.01, 0.01, 0.01)) for at in ((0.2, 0.2), (x, y + 0.02)))
     other = locate.OtherReading(MIRRORED, mirrored, 0.9, (mirrored, twin))
     (doubt,) = located(((x + 0.3, y), 0.9), readings=20, others=(other,)).doubts
     assert f"no pose is within 10 cm of p3 ({x:g}, {y:g} m), but one is with clockwise angles; " in doubt
@@ -148,9 +144,7 @@ def test_poses_have_the_order_of_the_logs(tmp_path: Path, row: str, place: Place
 
 def test_three_written_positions_need_no_heading(tmp_path: Path) -> None:
     rows = table(tmp_path, locate.HEADER, *(f"{name}.mcap,{x},2,,0.03," for x, name in enumerate("abc")))
-    assert [spread.is_whole for _, spread in locate.read_poses(rows, [Path(f"{name}.mcap") for name in "abc"])] == [
-        False
-    ] * 3
+    assert [one.is_whole for _, one in locate.read_poses(rows, [Path(f"{name}.mcap") for name in "abc"])] == [False] * 3
 
 
 # A robot that is tracked.
@@ -258,9 +252,7 @@ def test_a_tracker_follows_a_drive_and_repeats_with_its_seed() -> None:
     ranges = measured(poses)
     ranges[::3, 5] = 0.3  # stray
     trackers = [Tracker(LABORATORY, QUICK, poses[0], particles=200, seed=4) for _ in range(2)]
-    results = [
-        [one.update(step, HEADINGS, row) for step, row in zip(odometry, ranges, strict=True)] for one in trackers
-    ]
+    results = [[t.update(step, HEADINGS, row) for step, row in zip(odometry, ranges, strict=True)] for t in trackers]
     assert results[0] == results[1]
     assert max(math.dist(one.position, pose[:2]) for one, pose in zip(results[0], poses, strict=True)) < 0.05
     last = results[0][-1]

@@ -45,9 +45,7 @@ def readings_of(scan: PredictedScan) -> list[Reading]:
     """Return the readings of a scanner with step 0 along +x that measures what is predicted, 7 mm too long."""
     speed = scan.room.air.speed_of_sound
     times = [() if math.isnan(one) else (2 * (one + 0.007) / speed,) for one in scan.ranges.tolist()]
-    return [
-        Reading(k, 0, 0, float(heading), 0.1 * k, times[k], speed) for k, heading in enumerate(scan.headings.tolist())
-    ]
+    return [Reading(k, 0, 0, at, 0.1 * k, times[k], speed) for k, at in enumerate(scan.headings.tolist())]
 
 
 @pytest.fixture(scope="module")
@@ -143,9 +141,7 @@ def test_a_log_that_names_no_board_gives_a_warning(readings: list[Reading], tmp_
 
 
 def test_a_wrong_argument_states_what_is_expected(log: Path) -> None:
-    with pytest.raises(
-        InputError, match=r"place: expected x and y in metres, and no heading or .* got \(0.5, 0.5, 0.5, 0.5\)"
-    ):
+    with pytest.raises(InputError, match=r"place: expected x and y in metres, and no .* got \(0.5, 0.5, 0.5, 0.5\)"):
         sonarhw.compare(log, place=(0.5, 0.5, 0.5, 0.5))
     with pytest.raises(InputError, match=r"found: expected the map of `map_scans`, .* got an object of type Log"):
         sonarhw.draw_map(sonarhw.read_log(log))  # type: ignore[arg-type]

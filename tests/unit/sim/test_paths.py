@@ -297,9 +297,7 @@ def test_too_many_paths_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     # image sources: k reflections in a corridor 1 m wide give two paths of about k m, one for each first wall
     assert len(find_paths(corridor, (0.0, 0.4), search)) == 400
     monkeypatch.setattr(path_table, "MOST_POINTS", 40 * 42)
-    with pytest.raises(
-        InputError, match=r"^too many paths: \d+ or more, .* at most 1680 points in all, .*shorter range"
-    ):
+    with pytest.raises(InputError, match=r"^too many paths: \d+ or more, .* at most 1680 points in all, .*shorter"):
         find_paths(corridor, (0.0, 0.4), search)
 
 

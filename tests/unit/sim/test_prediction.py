@@ -105,13 +105,11 @@ def scan_at(room: Room, heading: float, board: Board = BOARD, **options: Any) ->
 
 def test_path_and_its_reverse_are_6_db_louder_than_one_of_them() -> None:
     room = corner(60.0)
-    everything = scan_at(room, 0.0)
-    pair = [
-        k for k in range(len(everything.paths)) if everything.paths.bounces[k] == 2 and everything.paths.edges[k] < 0
-    ]
+    found = scan_at(room, 0.0)
+    pair = [k for k in range(len(found.paths)) if found.paths.bounces[k] == 2 and found.paths.edges[k] < 0]
     assert len(pair) == 2
-    assert everything.paths.lengths[pair[0]] == pytest.approx(everything.paths.lengths[pair[1]])
-    heading = float(np.angle(np.exp(1j * everything.paths.departures[pair]).sum()))
+    assert found.paths.lengths[pair[0]] == pytest.approx(found.paths.lengths[pair[1]])
+    heading = float(np.angle(np.exp(1j * found.paths.departures[pair]).sum()))
     both, alone = scan_at(room, heading), scan_at(room, heading, ALONE)
     row = next(k for k in range(len(both.paths)) if both.paths.bounces[k] == 2 and both.paths.edges[k] < 0)
     assert both.ping(0).levels[row] - alone.ping(0).levels[row] == pytest.approx(20 * math.log10(2), abs=0.05)

@@ -195,9 +195,7 @@ def lambert_level(degrees: float, begin: float, end: float) -> float:
 def test_level_and_range_are_those_of_the_integral_along_a_lambert_wall(degrees: float) -> None:
     scan = scan_at(degrees, receiver=Receiver.FIRST_ECHO)
     burst = 16 / BOARD.frequency * WALL.air.speed_of_sound
-    found = brentq(
-        lambda end: lambert_level(degrees, end - burst, end) + 40.0, 2.0, 2 / math.sin(math.radians(degrees))
-    )
+    found = brentq(lambda to: lambert_level(degrees, to - burst, to) + 40.0, 2.0, 2 / math.sin(math.radians(degrees)))
     assert scan.ranges[0] == pytest.approx(found / 2, abs=0.0005)
     loudest = max(lambert_level(degrees, end - burst, end) for end in np.linspace(found, found + burst, 60))
     assert scan.ping(0).level_of_reading == pytest.approx(loudest, abs=0.1)

@@ -147,9 +147,7 @@ def test_vertical_edge_diffracts_sound_from_the_floor() -> None:
     place = Place("here", (0.0, 0.0), height=0.2)
     search = PathSearch(1.0, WAVELENGTH, faintest_diffraction=1e-4)
     in_plan = find_paths(room, place.position, search)
-    detected = [
-        (length, gain) for length, gain, via in from_above(room, place, search) if set(via) == {"end/", "floor"}
-    ]
+    detected = [(far, gain) for far, gain, via in from_above(room, place, search) if set(via) == {"end/", "floor"}]
     length = math.hypot(0.7, 0.4)
     assert len(detected) == 1  # equal legs: the path meets the edge at its foot
     # Keller's cone; the uniform theory differs little so far from reflection

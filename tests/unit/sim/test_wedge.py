@@ -249,9 +249,7 @@ def test_a_side_that_another_wall_joins_midway_is_no_way_from_end_to_end() -> No
     assert sorted(joined.bare[end]) == pytest.approx([0.012, 0.02])
     below = (0.3, -0.4)
     # seen from the right, the left end is hidden; the right end is that of a wall from the stem on
-    whole, half = (
-        find_paths(room_of(walls), below, SEARCH) for walls in ([strip, stem], [(0.002, 0.0, 0.01, 0.0), stem])
-    )
+    whole, half = (find_paths(room_of(of), below, SEARCH) for of in ([strip, stem], [(0.002, 0.0, 0.01, 0.0), stem]))
     at_end = [paths.gains[np.isclose(paths.lengths, 2 * math.dist(below, (0.01, 0.0)))] for paths in (whole, half)]
     assert at_end[0] == pytest.approx(at_end[1], rel=0.2)
 

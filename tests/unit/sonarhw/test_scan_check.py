@@ -40,9 +40,7 @@ ROOM = box(HEADINGS)
 RANDOM = np.random.default_rng(1)
 THIRD = RANDOM.random(len(HEADINGS)) < 1 / 3
 FINE = np.arange(0.0, 360.0, 2.0)
-NOISY = np.where(
-    np.arange(len(FINE)) % 3, box(FINE), box(FINE) * np.random.default_rng(2).uniform(0.3, 0.85, len(FINE))
-)
+NOISY = box(FINE) * np.where(np.arange(len(FINE)) % 3, 1.0, np.random.default_rng(2).uniform(0.3, 0.85, len(FINE)))
 REFLECTED = np.where(np.arange(len(FINE)) % 3, 1.0, 1.6) * box(FINE)
 ALIKE = np.round(np.where(HEADINGS % 180 < 20, 1.2, ROOM), 2)
 MANY = [reading for sweep in range(6) for reading in scan(HEADINGS, ALIKE, sweep)]

@@ -103,9 +103,7 @@ def fire_times_without_host_messages(talk: Talk, order: msg.StartScan) -> list[i
     """Return the times of the pings of a scan, µs. Sends nothing meanwhile, so the scan must end within 2 s."""
     since = len(talk.received)
     talk.send(order)
-    messages = talk.until(
-        lambda messages: any(isinstance(message, msg.Finished) for message in messages), since, alive=False
-    )
+    messages = talk.until(lambda all: any(isinstance(one, msg.Finished) for one in all), since, alive=False)
     assert [message.outcome for message in messages if isinstance(message, msg.Finished)] == [msg.Outcome.DONE]
     return [message.fired_us for message in readings(messages)]
 

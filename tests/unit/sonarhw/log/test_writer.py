@@ -204,9 +204,7 @@ def test_nothing_can_be_added_to_a_closed_log(tmp_path: Path) -> None:
 
 def test_other_tools_read_frames_readings_and_one_laser_scan_per_sweep(tmp_path: Path) -> None:
     path = tmp_path / "scan.mcap"
-    readings = [
-        example_reading(n, sweep=n // 4, angle=math.radians(10 * [0, 1, 2, 3, 3, 2, 1, 0][n])) for n in range(8)
-    ]
+    readings = [example_reading(n, sweep=n // 4, angle=math.radians(10 * min(n, 7 - n))) for n in range(8)]
     write_scan(path, METADATA, readings)
     with path.open("rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
