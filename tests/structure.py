@@ -117,12 +117,9 @@ def cycles(edges: Edges) -> list[Cycle]:
 
 def repeated_classes() -> dict[str, list[str]]:
     """Return the places of each public class name that two modules of the installed packages define."""
-    return _repeated(
-        (node.name, path)
-        for path in _installed_modules()
-        for node in ast.parse(path.read_text()).body
-        if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
-    )
+    parsed = ((node, path) for path in _installed_modules() for node in ast.parse(path.read_text()).body)
+    classes = ((node.name, path) for node, path in parsed if isinstance(node, ast.ClassDef))
+    return _repeated((name, path) for name, path in classes if not name.startswith("_"))
 
 
 def _installed_modules() -> Iterator[Path]:
@@ -161,10 +158,11 @@ def report() -> Iterator[str]:
     small = small_single_importers(graph)
     yield f"modules below {SMALL} code lines with one importer: {len(small)}"
     yield from (f"  {module}" for module in small)
-    for title, found in (
-        ("import cycles between modules", module_cycles(graph)),
-        ("include cycles of the firmware", include_cycles()),
-    ):
+    cycles_of = {
+        "import cycles between modules": module_cycles(graph),
+        "include cycles of the firmware": include_cycles(),
+    }
+    for title, found in cycles_of.items():
         yield f"{title}: {len(found)}"
         yield from (f"  {' '.join(cycle)}" for cycle in found)
     repeated = repeated_classes()

@@ -347,12 +347,11 @@ def test_a_trace_of_an_oscilloscope_begins_at_its_trigger(maker: str, tmp_path: 
 
 SWEEP = [*range(15, 166, 5), *range(160, 14, -5)]
 FARTHER = [round(1 + angle / 300, 3) for angle in SWEEP]  # m
+PAIRED = [*zip(SWEEP, FARTHER, strict=True)]
 OF_ROS = "angle_min: 0.0\nangle_increment: {step}\nrange_min: 0.1\nrange_max: 4.0\nranges: {ranges}\n---\n"
 TEXTS = {
-    "list": json.dumps([{"angle": a, "distance_m": d} for a, d in zip(SWEEP, FARTHER, strict=True)]),
-    "document": json.dumps(
-        {"scan": [{"deg": a, "mm": 1e3 * d} for a, d in zip(SWEEP, FARTHER, strict=True)]}, indent=2
-    ),
+    "list": json.dumps([{"angle": a, "distance_m": d} for a, d in PAIRED]),
+    "document": json.dumps({"scan": [{"deg": a, "mm": 1e3 * d} for a, d in PAIRED]}, indent=2),
     "lists": json.dumps({"angles_deg": SWEEP, "ranges_cm": [100 * distance for distance in FARTHER]}),
     "messages of ROS 1": OF_ROS.format(step=math.radians(5), ranges=FARTHER[:31]),
     "messages of ROS 2": OF_ROS.format(step=math.radians(5), ranges="".join(f"\n- {d}" for d in FARTHER[:31])),

@@ -31,15 +31,9 @@ def test_ports_with_known_usb_ids_are_checked_and_others_only_with_ask(
         assert "scanner FAKE-0004" in capsys.readouterr().out
         assert run(["ports", "--json"]) == 0
         first_port, second_port = json.loads(capsys.readouterr().out)["ports"]
-    assert first_port == {
-        "url": first.url,
-        "description": "USB serial",
-        "known_as": "Arduino Mega 2560",
-        "usb_id": "2341:0042",
-        "usb_serial": "1",
-        "scanner": True,
-        "answer": "scanner FAKE-0003, sonarhw-fake 0.1.0",
-    }
+    usb = {"description": "USB serial", "known_as": "Arduino Mega 2560", "usb_id": "2341:0042", "usb_serial": "1"}
+    answer = {"scanner": True, "answer": "scanner FAKE-0003, sonarhw-fake 0.1.0"}
+    assert first_port == {"url": first.url, **usb, **answer}
     assert (second_port["url"], second_port["scanner"], second_port["answer"]) == (second.url, None, None)
     assert set(first_port) == keys_in_reference("### `sonarhw ports")
 
