@@ -158,11 +158,8 @@ def report() -> Iterator[str]:
     small = small_single_importers(graph)
     yield f"modules below {SMALL} code lines with one importer: {len(small)}"
     yield from (f"  {module}" for module in small)
-    cycles_of = {
-        "import cycles between modules": module_cycles(graph),
-        "include cycles of the firmware": include_cycles(),
-    }
-    for title, found in cycles_of.items():
+    groups = {"import cycles between modules": module_cycles(graph), "include cycles of the firmware": include_cycles()}
+    for title, found in groups.items():
         yield f"{title}: {len(found)}"
         yield from (f"  {' '.join(cycle)}" for cycle in found)
     repeated = repeated_classes()

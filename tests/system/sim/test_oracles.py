@@ -71,13 +71,8 @@ QUARTER = math.radians(0.25)
 # a post spreads neighbouring rays, so the reference needs finer ones: with smaller spacing it approaches the result of
 # the fast scan
 FINE = math.radians(1 / 128)
-PLACES = {
-    "simple": "figure7 figure9",
-    "oblique_corner": "near far",
-    "right_corner": "figure12 figure13",
-    "arena": "p1 p3",
-}
-CASES = [(room, place, QUARTER) for room, places in PLACES.items() for place in places.split()]
+AT = {"simple": "figure7 figure9", "oblique_corner": "near far", "right_corner": "figure12 figure13", "arena": "p1 p3"}
+CASES = [(room, place, QUARTER) for room, places in AT.items() for place in places.split()]
 CASES += [("laboratory", place, FINE) for place in ("bench", "door")]
 
 
