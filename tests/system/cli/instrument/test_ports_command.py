@@ -17,10 +17,8 @@ def test_ports_with_known_usb_ids_are_checked_and_others_only_with_ask(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     known, unknown = tmp_path / "ttyACM0", tmp_path / "ttyS0"
-    with (
-        serve(FakeBoard(PlainEchoes(), seed=3), pty=known) as first,
-        serve(FakeBoard(PlainEchoes(), seed=4), pty=unknown) as second,
-    ):
+    boards = [FakeBoard(PlainEchoes(), seed=seed) for seed in (3, 4)]
+    with serve(boards[0], pty=known) as first, serve(boards[1], pty=unknown) as second:
         ports = [Port(first.url, "USB serial", Usb(0x2341, 0x0042, "1", "1-1")), Port(second.url, "16550")]
         monkeypatch.setattr("sonarhw.link.serial_ports", lambda: ports)
         assert run(["ports"]) == 0
