@@ -304,10 +304,10 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-@pytest.mark.parametrize(
-    ("name", "number"),
-    [*((name, signal.SIGINT) for name in COMMANDS), ("export", signal.SIGTERM), ("export", signal.SIGHUP)],
-)
+SIGNALS = [*((name, signal.SIGINT) for name in COMMANDS), ("export", signal.SIGTERM), ("export", signal.SIGHUP)]
+
+
+@pytest.mark.parametrize(("name", "number"), SIGNALS)
 def test_a_signal_leaves_the_old_file_and_no_hidden_one(folder: Path, name: str, number: signal.Signals) -> None:
     out = folder / COMMANDS[name][-1]
     out.write_bytes(OLD)

@@ -187,10 +187,10 @@ def test_silence_without_a_number_is_in_no_mean() -> None:
     assert not marked[np.isnan(ranges)].any()
 
 
-@pytest.mark.parametrize(
-    ("ranges", "scale", "unit"),
-    [([51, 255], 0.01, 0.01), ([0.51, 2.55], 1.0, 0.01), ([0.5, 2.0], 1.0, 0.1), ([math.nan, 3.0], 1.0, 1.0)],
-)
+DIGITS = [([51, 255], 0.01, 0.01), ([0.51, 2.55], 1.0, 0.01), ([0.5, 2.0], 1.0, 0.1), ([math.nan, 3.0], 1.0, 1.0)]
+
+
+@pytest.mark.parametrize(("ranges", "scale", "unit"), DIGITS)
 def test_the_unit_is_the_last_digit_of_the_ranges(ranges: list[float], scale: float, unit: float) -> None:
     assert unit_of(np.array(ranges) * scale, scale) == pytest.approx(unit)
 
@@ -290,10 +290,10 @@ def test_a_range_beyond_the_limits_of_its_message_is_no_echo(tmp_path: Path) -> 
     assert [number for number, one in enumerate(readings) if one.range is None] == [3]
 
 
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [(_wide(",", ()), "unit of the range not stated"), (_ranges(), "sensors sonar0, sonar1 without directions")],
-)
+UNCLEAR = [(_wide(",", ()), "unit of the range not stated"), (_ranges(), "sensors sonar0, sonar1 without directions")]
+
+
+@pytest.mark.parametrize(("text", "expected"), UNCLEAR)
 def test_what_a_table_does_not_state_is_asked_for(text: str, expected: str, tmp_path: Path) -> None:
     file = tmp_path / "scan.csv"
     file.write_text(text)

@@ -202,11 +202,10 @@ def test_a_range_offset_is_found_if_the_board_describes_a_population() -> None:
 # Right angles.
 
 
-@pytest.mark.parametrize(
-    ("east", "places", "angle"),
-    [((2.0, 2.0), [(0.5, 1.0)], 0.26), ((2.4, 1.8), [(0.5, 1.0), (1.0, 1.8), (1.4, 0.6)], None)],
-    ids=["one place faces it", "several places face it"],
-)
+FACED = [((2.0, 2.0), [(0.5, 1.0)], 0.26), ((2.4, 1.8), [(0.5, 1.0), (1.0, 1.8), (1.4, 0.6)], None)]
+
+
+@pytest.mark.parametrize(("east", "places", "angle"), FACED, ids=["one place faces it", "several places face it"])
 def test_a_wall_is_squared(east: tuple[float, float], places: list[tuple[float, float]], angle: float | None) -> None:
     room = polygon_room([(0.0, 0.0), (east[0], 0.0), (east[1], 3.0), (0.0, 3.0)])
     scans = [predicted_scan(room, Place(str(k), at), BOARD, 4.0, options=FOLLOWED) for k, at in enumerate(places)]
