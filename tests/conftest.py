@@ -12,9 +12,19 @@ pytest_plugins = ["tests.fixtures.leaks", "tests.fixtures.window_scene", "tests.
 
 Count = Callable[[int, int], int]
 # These tests repeat what others cover, and Python code runs at half of its speed while coverage is measured.
-NOT_MEASURED = ("contract/test_lines.py", "contract/test_scanner.py", "soak", "system/docs", "system/firmware")
-NOT_MEASURED += ("system/cli/comparison/test_calibrate.py", "system/cli/prediction/test_figures_command.py")
-NOT_MEASURED += ("system/compare/test_fit.py", "system/compare/test_locate.py", "system/sim", "system/test_notebook.py")
+NOT_MEASURED = (
+    "contract/test_lines.py",
+    "contract/test_scanner.py",
+    "soak",
+    "system/cli/comparison/test_calibrate.py",
+    "system/cli/prediction/test_figures_command.py",
+    "system/compare/test_fit.py",
+    "system/compare/test_locate.py",
+    "system/docs",
+    "system/firmware",
+    "system/sim",
+    "system/test_notebook.py",
+)
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -117,9 +117,12 @@ def cycles(edges: Edges) -> list[Cycle]:
 
 def repeated_classes() -> dict[str, list[str]]:
     """Return the places of each public class name that two modules of the installed packages define."""
-    parsed = ((node, path) for path in _installed_modules() for node in ast.parse(path.read_text()).body)
-    classes = ((node.name, path) for node, path in parsed if isinstance(node, ast.ClassDef))
-    return _repeated((name, path) for name, path in classes if not name.startswith("_"))
+    return _repeated(
+        (node.name, path)
+        for path in _installed_modules()
+        for node in ast.parse(path.read_text()).body
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
+    )
 
 
 def _installed_modules() -> Iterator[Path]:
@@ -158,8 +161,10 @@ def report() -> Iterator[str]:
     small = small_single_importers(graph)
     yield f"modules below {SMALL} code lines with one importer: {len(small)}"
     yield from (f"  {module}" for module in small)
-    groups = {"import cycles between modules": module_cycles(graph), "include cycles of the firmware": include_cycles()}
-    for title, found in groups.items():
+    for title, found in (
+        ("import cycles between modules", module_cycles(graph)),
+        ("include cycles of the firmware", include_cycles()),
+    ):
         yield f"{title}: {len(found)}"
         yield from (f"  {' '.join(cycle)}" for cycle in found)
     repeated = repeated_classes()

@@ -85,28 +85,29 @@ class FlowLayout(QtWidgets.QLayout):
         return y + line + margins.bottom() - area.top()
 
 
-# A container for a label whose text changes often. A new text does not trigger a new layout of the window.
+# A container for a widget whose content changes with each reading. The change does not trigger a new layout of the
+# window, which moves every dock.
 #
-# Only a change of the label's height does, as with a larger text size.
+# Only a change of the height does, as with a larger text size.
 
 
-class LabelSlot(QtWidgets.QWidget):
-    """Takes its height from its label and its width from the layout."""
+class LayoutBarrier(QtWidgets.QWidget):
+    """Takes its height from its widget and its width from the layout."""
 
-    def __init__(self, label: QtWidgets.QLabel) -> None:
+    def __init__(self, widget: QtWidgets.QWidget) -> None:
         super().__init__()
-        label.setParent(self)
-        self._label = label
+        widget.setParent(self)
+        self._widget = widget
         self._height = self._needed_height()
 
     def sizeHint(self) -> QtCore.QSize:
-        """Return the minimum size of the label."""
-        return QtCore.QSize(self._label.minimumWidth(), self._needed_height())
+        """Return the minimum width of the widget, and the height that it needs."""
+        return QtCore.QSize(self._widget.minimumWidth(), self._needed_height())
 
     minimumSizeHint = sizeHint
 
     def event(self, event: QtCore.QEvent) -> bool:
-        """Pass a layout request of the label to the parent only if its height has changed, also while it was hidden."""
+        """Pass a layout request to the parent only if the needed height has changed, also while it was hidden."""
         kinds = QtCore.QEvent.Type.LayoutRequest, QtCore.QEvent.Type.Show
         if event.type() in kinds and self._height != (needed := self._needed_height()):
             self._height = needed
@@ -114,14 +115,16 @@ class LabelSlot(QtWidgets.QWidget):
         return super().event(event)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """Give the label the whole area."""
-        self._label.setGeometry(self.rect())
+        """Give the widget the whole area."""
+        self._widget.setGeometry(self.rect())
 
     def _needed_height(self) -> int:
-        least = self._label.minimumHeight()
-        if least == self._label.maximumHeight():
+        least = self._widget.minimumHeight()
+        if least == self._widget.maximumHeight():
             return least  # the size hint of a wrapped text lays it out for another width, which paints it twice
-        return max(least, self._label.minimumSizeHint().height())
+        if self._widget.hasHeightForWidth():
+            return max(least, self._widget.heightForWidth(self.width()))
+        return max(least, self._widget.minimumSizeHint().height())
 
 
 # Icons of the replay bar. Not every font has these symbols, and Qt's own icons are dark on dark.

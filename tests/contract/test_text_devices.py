@@ -4,7 +4,6 @@ import math
 import random
 import threading
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
 from itertools import islice, pairwise
 from pathlib import Path
 
@@ -100,10 +99,16 @@ def test_a_file_of_the_same_text_has_the_same_sweeps(sketch: Sketch, tmp_path: P
     zero, one = url.turntable_angle(0), url.turntable_angle(1)
     turn = "ccw" if one > zero else "cw"
     layout = url.layout
-    silent = layout.no_echo[0] if layout.no_echo else None
-    stated = ImportOptions(preset=layout.preset, pattern=layout.pattern, step=layout.step, no_echo=silent, turn=turn)
-    read_as = {"unit": layout.unit or "", "angle": layout.angle or "", "heading_zero": math.degrees(zero)}
-    stated = replace(stated, **read_as)
+    stated = ImportOptions(
+        preset=layout.preset,
+        pattern=layout.pattern,
+        unit=layout.unit or "",
+        angle=layout.angle or "",
+        step=layout.step,
+        no_echo=layout.no_echo[0] if layout.no_echo else None,
+        turn=turn,
+        heading_zero=math.degrees(zero),
+    )
     readings = import_scan(path, stated).readings
     assert_true(readings)
     angles = [degrees(reading) for reading in readings if reading.sweep == 0]

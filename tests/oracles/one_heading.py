@@ -81,9 +81,18 @@ def range_at(
     ka = board.wavenumber(room.air) * board.aperture_radius
     at_1_m, at_2_m = uncompensated_db(np.array([1.0, 2.0]), board, room.air).tolist()
     per_metre = at_2_m - at_1_m - 20 * math.log10(2.0) if board.fixed_gain else at_1_m
-    window = 2 * board.blanked_range(room.air), 2 * board.max_range
-    levels = 10 ** ((board.threshold_db + at_1_m - per_metre) / 20), math.log(10) / 20 * per_metre, board.fixed_gain
-    limits = _Limits(*window, *levels, board.wavelength(room.air), spacing, unit is Unit.PASS, ka, face)
+    limits = _Limits(
+        2 * board.blanked_range(room.air),
+        2 * board.max_range,
+        10 ** ((board.threshold_db + at_1_m - per_metre) / 20),
+        math.log(10) / 20 * per_metre,
+        board.fixed_gain,
+        board.wavelength(room.air),
+        spacing,
+        unit is Unit.PASS,
+        ka,
+        face,
+    )
     pose = _Pose(*place.position, heading, math.cos(heading), math.sin(heading))
     wedges = np.column_stack((room.edges.points, room.edges.starts, room.edges.openings))
     travelled = _first_detected(

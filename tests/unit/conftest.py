@@ -8,8 +8,14 @@ from typing import NoReturn
 
 import pytest
 
-FORBIDDEN = [(subprocess.Popen, "__init__"), (socket.socket, "bind"), (socket.socket, "connect")]
-FORBIDDEN += [(os, name) for name in ("fork", "posix_spawn", "openpty")]
+FORBIDDEN = (
+    (subprocess.Popen, "__init__"),
+    (os, "fork"),
+    (os, "posix_spawn"),
+    (os, "openpty"),
+    (socket.socket, "bind"),
+    (socket.socket, "connect"),
+)
 
 
 class TooLarge(BaseException):

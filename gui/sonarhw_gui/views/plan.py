@@ -25,6 +25,7 @@ from PySide6.QtSvg import QSvgRenderer
 from sonarhw_compare.edits import Point
 from sonarhw_compare.sound import counted_position
 from sonarhw_sim.predict.predicted_scan import standpoints
+from sonarhw_sim.room.room import Room
 from sonarhw_sim.room.room_file import MAX_COORDINATE
 
 from sonarhw.errors import InputError
@@ -165,9 +166,9 @@ class PlanDrawing(base.Canvas):
 
     def _room_area(self, scene: Scene) -> QRectF:
         assert scene.room is not None, "without a room there is nothing to measure"
-        (left, bottom), (right, top) = plan_bounds(scene.room, np.array([scene.pose.position]))
-        beyond = _BEYOND * max(right - left, top - bottom)
-        return QRectF(left - beyond, bottom - beyond, right - left + 2 * beyond, top - bottom + 2 * beyond)
+        area = _plan_area(scene.room, scene.pose.position)
+        beyond = _BEYOND * max(area.width(), area.height())
+        return area.adjusted(-beyond, -beyond, beyond, beyond)
 
     def _show_also(self, point: FloatArray) -> None:
         """Extend the visible range to a point."""
@@ -208,7 +209,9 @@ class PlanDrawing(base.Canvas):
     def draw_room(self) -> None:
         """Draw the room, with handles if the active tool edits it."""
         if self.shown is not None:
-            self.room.draw(self.shown.scene.room, self.controller.chosen, self.controller.tool.can_edit)
+            room = self.shown.scene.room
+            self.room.draw(room, self.controller.chosen, self.controller.tool.can_edit)
+            self.arrows.keep_clear(QRectF() if room is None else _plan_area(room))
 
     def pick(self, event: MouseClickEvent) -> bool:
         """Select the reading nearest to a click, if one is close. Without measured points, select by heading."""
@@ -288,6 +291,12 @@ class PlanDrawing(base.Canvas):
 
     def _tip(self, index: int) -> str:
         return reading_tip(self.shown, index) if self.shown else ""
+
+
+def _plan_area(room: Room, *others: Point) -> QRectF:
+    """Return the area of a room and other points in the plan, m."""
+    (left, bottom), (right, top) = plan_bounds(room, np.array(others).reshape(-1, 2))
+    return QRectF(left, bottom, right - left, top - bottom)
 
 
 def _beam_parts(shown: Shown) -> tuple[object, ...]:
@@ -512,7 +521,7 @@ class PlanView(QtWidgets.QWidget):
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Keep the message at the edge."""
         super().resizeEvent(event)
-        self._show_message(self.message.text())
+        self._place_message()
 
     def fit(self) -> None:
         """Show the whole room."""
@@ -539,8 +548,13 @@ class PlanView(QtWidgets.QWidget):
 
     @Slot(str)
     def _show_message(self, text: str) -> None:
+        if text == self.message.text():
+            return
         self.message.setText(text)
         self.message.setVisible(text != "")
+        self._place_message()
+
+    def _place_message(self) -> None:
         plan, size = self.drawing.rect(), self.message.sizeHint()
         size.setWidth(min(size.width(), plan.width()))
         self.message.setGeometry(QRect(plan.bottomRight() - QPoint(size.width(), size.height()), size))

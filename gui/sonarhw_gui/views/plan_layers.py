@@ -306,7 +306,7 @@ def _at_edge(pixels: FloatArray, size: FloatArray, origin: FloatArray) -> tuple[
 def _beside(middle: PixelPoint, size: QSizeF, whole: QRectF) -> tuple[QRectF, QRectF]:
     """Return the areas on both sides of an arrow for a text of this size.
 
-    They lie along the edge, in the margin around the room: farther inwards the text would cover walls and readings.
+    They lie along the edge: farther inwards the text would cover walls and readings.
     """
     (x, y), width, height = middle, size.width(), size.height()
     right, below = whole.width() - width - 1, whole.height() - height - 1
@@ -330,6 +330,7 @@ class EdgeArrows(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no t
         self._placed: dict[Class, Placed] = {}
         self._sensor: PixelPoint = (0.0, 0.0)
         self._chosen: int | None = None
+        self._clear = QRectF()  # m, without texts
         self.setParentItem(box)
         self.setZValue(1000)
         box.sigRangeChanged.connect(self._lay_out)
@@ -338,6 +339,11 @@ class EdgeArrows(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no t
     def set_look(self, look: Look) -> None:
         """Use the colours, unit and text size of `look`."""
         self._look, self._font = look, text_font(look, 0.8)
+        self.update()
+
+    def keep_clear(self, room: QRectF) -> None:
+        """Write no text over a room (m) that is in view as a whole."""
+        self._clear = room
         self.update()
 
     def draw(self, placed: dict[Class, Placed], sensor: PixelPoint, chosen: int | None) -> None:
@@ -373,6 +379,9 @@ class EdgeArrows(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no t
         taken = [
             QRectF(x - _ARROW, y - _ARROW, 2 * _ARROW, 2 * _ARROW) for x, y in (arrow.middle for arrow in self.arrows)
         ]
+        room = self._box.mapFromView(QPolygonF(self._clear)).boundingRect()
+        if whole.contains(room):
+            taken.append(room)
         areas = []
         for arrow in self.arrows:
             size = metrics.boundingRect(self.text(arrow)).size() + QSizeF(4, 0)

@@ -148,8 +148,9 @@ class Hand(Tool):
                 return
             if grip.part is edits.GripPart.CORNER:
                 to = snapped(self._context, to, ignored=grip.point, scene=before)
-            if self._context.change(lambda scene: edits.dragged(scene, grip, to), before, self._held):
-                self._context.show_message(self._where(grip, to))
+            self._context.change(
+                lambda scene: edits.dragged(scene, grip, to), before, self._held, lambda: self._where(grip, to)
+            )
 
     def _where(self, grip: edits.Grip, to: Point) -> str:
         unit = self._context.shown.look.unit
@@ -288,9 +289,9 @@ class WallPencil(Tool):
         end = snapped(self._context, to, scene=self._before)
         if math.dist(self._start, end) < _SHORTEST:
             return
-        if self._context.change(lambda scene: self._drawn(scene, end), self._before, self._gesture):
+        edit, size = lambda scene: self._drawn(scene, end), lambda: self._size(end)
+        if self._context.change(edit, self._before, self._gesture, size):
             self._end, self._expected = end, self._context.scene
-            self._context.show_message(self._size(end))
             if self._before.room is not None:
                 self._context.choose_surface(free_name(self._before.room, self.stem))
 
@@ -386,16 +387,21 @@ class PlanController:
         """The length of a pixel, m."""
         return float(self._drawing.pixel)
 
-    def change(self, edit: Callable[[Scene], edits.Edit], scene: Scene, gesture: object) -> bool:
-        """Apply an edit to the scene from before the gesture. A rejected edit shows its error and returns False."""
+    def change(
+        self, edit: Callable[[Scene], edits.Edit], scene: Scene, gesture: object, message: Callable[[], str] = str
+    ) -> bool:
+        """Apply an edit to the scene from before the gesture, and show `message` of what is now there.
+
+        A rejected edit shows its error and returns False.
+        """
         try:
             changed, label = edit(scene)
         except InputError as error:
             self.show_message(f"⚠ {error}")
             return False
-        self.show_message("")
         self._last_edit = changed, self.shown
         self._gestures.edited.emit(changed, label, gesture)
+        self.show_message(message())
         return True
 
     def drop(self, gesture: object) -> None:

@@ -22,7 +22,7 @@ from sonarhw_gui.model.scene import Scene
 from sonarhw_gui.model.shown import Cursor, Shown, SoundState, initial_range
 from sonarhw_gui.views import base
 from sonarhw_gui.views.marks import PlotLine, Spots, TipSpots
-from sonarhw_gui.widgets import ElidedLabel, LabelSlot, PlainLabel, arranged
+from sonarhw_gui.widgets import ElidedLabel, LayoutBarrier, PlainLabel, arranged
 
 # Axes of the trace view. Their height is a level in dB or a signal amplitude.
 
@@ -439,7 +439,7 @@ class TraceView(QWidget):
         self._point(shown.cursor)
 
     def _arrange(self) -> None:
-        title = LabelSlot(self.title)
+        title = LayoutBarrier(self.title)
         row = arranged(QHBoxLayout(), title, rest=title, margins=(8, 2, 8, 0), gap=3)
         base.add_buttons(row, (self.envelope, self.rf, self.cursors_shown))
         self.readout.setVisible(False)

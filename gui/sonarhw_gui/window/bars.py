@@ -19,7 +19,7 @@ from sonarhw_gui.session.notices import Notices
 from sonarhw_gui.session.scanner import FAKE_NOTE
 from sonarhw_gui.session.status import Status
 from sonarhw_gui.views.legend import mark_picture
-from sonarhw_gui.widgets import ElidedLabel, FlowLayout, LabelSlot, PlainLabel, arranged, title_label
+from sonarhw_gui.widgets import ElidedLabel, FlowLayout, LayoutBarrier, PlainLabel, arranged, title_label
 from sonarhw_gui.window.commands import Commands
 
 # The banner: a line above the views with errors, warnings and offers.
@@ -333,7 +333,7 @@ class Card(QtWidgets.QFrame):
         self._drawn: tuple[Class | None, Look] | None = None
         self.misfit_buttons = [_card_button(action) for action in for_misfits]
         buttons = [*self.misfit_buttons, *map(_card_button, for_all)]
-        bounces = LabelSlot(self.bounces)
+        bounces = LayoutBarrier(self.bounces)
         lower = arranged(QtWidgets.QHBoxLayout(), bounces, *buttons, rest=bounces, gap=4)
         text = arranged(QtWidgets.QVBoxLayout(), self.sentence, lower, gap=2)
         row = QtWidgets.QHBoxLayout(self)
@@ -435,9 +435,9 @@ class StatusBar(QtWidgets.QStatusBar):
         self.progress.setToolTip("Parts of the model that are compiled; this prediction may not need all of them")
         self.setContentsMargins(8, 0, 4, 0)
         self.addWidget(self.progress)
-        self.addWidget(LabelSlot(self.activity), 1)
+        self.addWidget(LayoutBarrier(self.activity), 1)
         self.addPermanentWidget(self.fake)
-        self.addPermanentWidget(LabelSlot(self.figures))
+        self.addPermanentWidget(LayoutBarrier(self.figures))
         self.addPermanentWidget(self.badge)
         self.show_state(Status())
 

@@ -21,7 +21,7 @@ from sonarhw_gui.session.session import Turns, WindowSession
 from sonarhw_gui.session.status import Status
 from sonarhw_gui.views.base import View
 from sonarhw_gui.views.legend import Legend
-from sonarhw_gui.widgets import ArrowRow, arranged, close_dialogs
+from sonarhw_gui.widgets import ArrowRow, LayoutBarrier, arranged, close_dialogs
 from sonarhw_gui.window.bars import Banner, Card, Hint, StartPage, StatusBar, ToolBar
 from sonarhw_gui.window.commands import Commands, CommandSlots, LayoutMenu, offer_view_menus, undo_menu
 from sonarhw_gui.window.dialogs import HelpPage, open_dialog
@@ -222,7 +222,7 @@ class MainWindow(QtWidgets.QMainWindow):
         self.setAcceptDrops(True)
         self.addToolBar(self.toolbar)
         centre = QtWidgets.QWidget()
-        self.views.frame_large_view(self.legend, self.card)
+        self.views.frame_large_view(LayoutBarrier(self.legend), self.card)
         above, below = (self.banner, self.hint), (self.sound_bar, self.replay_bar)
         middle = QtWidgets.QWidget()
         arranged(QtWidgets.QVBoxLayout(middle), self.views, self.start_page)
@@ -344,9 +344,7 @@ class MainWindow(QtWidgets.QMainWindow):
             dock.show_state(shown)
         self.toolbar.show_state(shown)
         self._show_title()
-        self.legend.show_state(shown)
         self.hint.show_state(shown)
-        self._show_commands()
         if self._is_busy:
             self.turns.advance()
         else:
@@ -379,6 +377,8 @@ class MainWindow(QtWidgets.QMainWindow):
         self.card.show_state(self.session.shown)
 
     def _show_figures(self) -> None:
+        self.legend.show_state(self.session.shown)
+        self._show_commands()
         self.status_bar.show_state(self.session.status)
         self.device.show_status(self.session.status)
 

@@ -124,8 +124,11 @@ def _kill_group(leader: int) -> None:
 
 
 def _contents(folder: Path) -> dict[Path, bytes]:
-    files = (path for path in sorted(folder.rglob("*")) if path.is_file() and path.name not in (_OUT, _ERR))
-    return {path.relative_to(folder): path.read_bytes() for path in files}
+    return {
+        path.relative_to(folder): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and path.name not in (_OUT, _ERR)
+    }
 
 
 def _faults(case: Case, ended: Ended) -> Iterator[str]:

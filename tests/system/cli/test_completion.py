@@ -67,10 +67,10 @@ def test_commands_options_and_choices_are_completed(
     assert capsys.readouterr().out.split() == wanted.split()
 
 
-INSTALLED = [("zsh", ".zfunc/_sonarhw", '"simulate":'), ("fish", ".config/fish/completions/sonarhw.fish", "simulate\t")]
-
-
-@pytest.mark.parametrize(("shell", "installed", "wanted"), INSTALLED)
+@pytest.mark.parametrize(
+    ("shell", "installed", "wanted"),
+    [("zsh", ".zfunc/_sonarhw", '"simulate":'), ("fish", ".config/fish/completions/sonarhw.fish", "simulate\t")],
+)
 def test_other_shells_get_a_script_and_completions(home: Path, shell: str, installed: str, wanted: str) -> None:
     printed = output(["sonarhw", "--install-completion", shell], _TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION="1")
     assert f"{shell} completion installed in {home / installed}" in printed

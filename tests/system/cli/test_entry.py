@@ -219,11 +219,15 @@ def with_plugin(tmp_path: Path) -> dict[str, str]:
     return {**ENVIRONMENT, "PYTHONPATH": os.pathsep.join((str(packages), ENVIRONMENT["PYTHONPATH"]))}
 
 
-@pytest.mark.parametrize(("command", "call"), [(name, one) for name, calls in CALLED.items() for one in calls.split()])
+@pytest.mark.parametrize(
+    ("command", "call"), [(name, call) for name, calls in CALLED.items() for call in calls.split()]
+)
 def test_ctrl_c_ends_a_blocked_plugin(command: str, call: str, tmp_path: Path, with_plugin: dict[str, str]) -> None:
     code = HANDLED + "from sonarhw_cli.entry import main; main()"
-    sweeps = "1000" if call in KEPT else "2"
-    options = {"scan": ["--out", "scan.mcap", "--sweeps", sweeps], "serve": ["--foxglove", "--tcp", "127.0.0.1:0"]}
+    options = {
+        "scan": ["--out", "scan.mcap", "--sweeps", "1000" if call in KEPT else "2"],
+        "serve": ["--foxglove", "--tcp", "127.0.0.1:0"],
+    }
     environment = {**with_plugin, "QT_QPA_PLATFORM": "offscreen", "XDG_DATA_HOME": str(tmp_path)}
     arguments = [command, f"blocking:{call}", *options.get(command, [])]
     # what a plug-in prints goes to standard error
@@ -304,10 +308,10 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-SIGNALS = [*((name, signal.SIGINT) for name in COMMANDS), ("export", signal.SIGTERM), ("export", signal.SIGHUP)]
-
-
-@pytest.mark.parametrize(("name", "number"), SIGNALS)
+@pytest.mark.parametrize(
+    ("name", "number"),
+    [*((name, signal.SIGINT) for name in COMMANDS), ("export", signal.SIGTERM), ("export", signal.SIGHUP)],
+)
 def test_a_signal_leaves_the_old_file_and_no_hidden_one(folder: Path, name: str, number: signal.Signals) -> None:
     out = folder / COMMANDS[name][-1]
     out.write_bytes(OLD)

@@ -29,9 +29,9 @@ def test_another_output_status_or_changed_file_is_found(tmp_path: Path, monkeypa
     assert [text.splitlines()[1] for text in differences(page, Shell(tmp_path))] == expected
 
 
-SHOWN = [("a 1\nb\nc\nd\n", True), ("a\nd\n", True), ("a\nd\nd\ne\n", False), ("ba\nd\n", False), ("", False)]
-
-
-@pytest.mark.parametrize(("shown", "same"), SHOWN)
+@pytest.mark.parametrize(
+    ("shown", "same"),
+    [("a 1\nb\nc\nd\n", True), ("a\nd\n", True), ("a\nd\nd\ne\n", False), ("ba\nd\n", False), ("", False)],
+)
 def test_an_ellipsis_is_any_text_in_a_line_or_any_lines(shown: str, same: bool) -> None:
     assert matches(shown, "a…\n…\nd\n") is same

@@ -203,7 +203,9 @@ def test_the_document_shows_the_example_and_names_every_column(tmp_path: Path) -
     assert [name for name in OptionValues.model_fields if f"`{name}`" not in document] == []
 
 
-def test_no_cluster(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_study_without_a_cluster_leaves_no_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.setattr("sonarhw_compare.study.ANSWER_WITHIN", 0.2)
     command = ["study", str(spec_of(tmp_path)), "--out", str(tmp_path / "out")]
     for scheduler in ("tcp://127.0.0.1:1", "nonsense://127.0.0.1:1"):  # none at this port, and no such protocol

@@ -24,8 +24,11 @@ from tests.hang_guard import HANG
 from tests.transcripts import PYTHON, SHELL, Block, Command, Shell, blocks_of
 
 ELSEWHERE = {"figures.md"}  # `sonarhw figures` writes it, and test_figures_command.py runs its commands
-ALL = [CHECKOUT / "README.md", *sorted((CHECKOUT / "docs").rglob("*.md"))]
-PAGES = [page for page in ALL if page.name not in ELSEWHERE and blocks_of(page)]
+PAGES = [
+    page
+    for page in [CHECKOUT / "README.md", *sorted((CHECKOUT / "docs").rglob("*.md"))]
+    if page.name not in ELSEWHERE and blocks_of(page)
+]
 LONG = {"fit.md", "locate.md", "map.md", "python.md", "study.md", "track.md"}  # minutes; complete with --soak
 NOT_CODE = ("text", "toml", "c")
 # Units by which the last digit of a maximum differs between processors. The likelihood of a pose is rough: on another

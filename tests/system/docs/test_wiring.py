@@ -78,8 +78,12 @@ def test_the_drawing_is_the_one_that_the_script_makes(combination: Combination) 
 def test_every_drawn_pin_is_that_of_the_firmware(combination: Combination) -> None:
     pins = pins_of(CONTROLLERS[combination.controller].chip)
     drawn = [*rows(drawing_path(combination).read_text(encoding="utf-8")).values()]
-    parts = [*left_parts(combination), *right_parts(combination)]
-    wires = [terminal for part in parts for terminal in part.terminals if isinstance(terminal, Wire)]
+    wires = [
+        terminal
+        for part in [*left_parts(combination), *right_parts(combination)]
+        for terminal in part.terminals
+        if isinstance(terminal, Wire)
+    ]
     for wire in wires:
         pin = pins.get(wire.signal, wire.signal)
         [row] = (row for row in drawn if wire.terminal in row)

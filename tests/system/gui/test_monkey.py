@@ -80,7 +80,9 @@ def window(
     return open_with(source=opener, memory=tmp_path / "state" / "window.ini", find_scanner=find_scanner)
 
 
-def test_random_actions(window: MainWindow, files: list[Path], recorded: Path, count: Count, qtlog: object) -> None:
+def test_random_actions_raise_no_error(
+    window: MainWindow, files: list[Path], recorded: Path, count: Count, qtlog: object
+) -> None:
     actions = count(40, 5000)
     monkey, last = Monkey(window, files, SEED), deque[str](maxlen=25)
     warm = 0

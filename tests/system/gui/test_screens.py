@@ -25,7 +25,7 @@ from PySide6.QtWidgets import (
 from pytestqt.qtbot import QtBot
 from sonarhw_gui.model.look import DARK, LIGHT, MARKS, UNITS, LengthUnit, Look
 from sonarhw_gui.views.legend import Legend
-from sonarhw_gui.widgets import ElidedLabel, LabelSlot, PlainLabel, arranged, plain_tip
+from sonarhw_gui.widgets import ElidedLabel, LayoutBarrier, PlainLabel, arranged, plain_tip
 from sonarhw_gui.window.start import open_application
 from sonarhw_gui.window.window import MainWindow
 
@@ -421,7 +421,7 @@ def test_names_from_files_and_devices_are_shown_as_they_are_even_if_they_look_li
 def test_a_label_that_grows_while_it_is_hidden_has_its_height_when_it_is_shown(qtbot: QtBot) -> None:
     page, label = QWidget(), PlainLabel("text")
     qtbot.addWidget(page)
-    layout = arranged(QVBoxLayout(page), LabelSlot(label), LabelSlot(PlainLabel("below")))
+    layout = arranged(QVBoxLayout(page), LayoutBarrier(label), LayoutBarrier(PlainLabel("below")))
     page.resize(200, 200)
     page.show()
     page.hide()

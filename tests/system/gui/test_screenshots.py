@@ -241,7 +241,7 @@ def test_pictures_of_views_panels_and_import(
     dialog.close()
 
 
-def test_picture_of_ask(
+def test_picture_of_a_heading_without_a_reading(
     open_with: OpenWith, album: Album, look: tuple[Palette, tuple[int, int]], tmp_path: Path
 ) -> None:
     log = tmp_path / "figure9.mcap"

@@ -69,7 +69,10 @@ def test_a_link_left_behind_is_replaced_and_anything_else_is_kept(tmp_path: Path
         with pytest.raises(InputError, match="exists already"), serve(FakeBoard(PlainEchoes()), pty=taken):
             pass
     assert file.read_text() == "precious"
-    with pytest.raises(InputError, match="cannot create"), serve(FakeBoard(PlainEchoes()), pty=folder / "no" / "x"):
+    with (
+        pytest.raises(InputError, match="cannot create the link"),
+        serve(FakeBoard(PlainEchoes()), pty=folder / "no" / "x"),
+    ):
         pass
 
 

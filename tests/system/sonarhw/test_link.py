@@ -189,16 +189,21 @@ NO_FILE = "could not open port 'COM9': FileNotFoundError(2, 'The system cannot f
 TCP = "socket://scanner:7000"
 
 
-class Failing(SpiedPort):
+class Failing(serial.SerialBase):  # type: ignore[misc]
     """A port that cannot be opened, or fails after that."""
 
     def __init__(self, at_open: Exception | None, later: Exception | None = None) -> None:
-        super().__init__()
         self.at_open, self.later = at_open, later
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        object.__setattr__(self, name if name not in ("dtr", "exclusive", "baudrate") else "_ignored", value)
 
     def open(self) -> None:
         if self.at_open:
             raise self.at_open
+
+    def fileno(self) -> int:
+        raise OSError
 
     @property
     def in_waiting(self) -> int:
@@ -209,6 +214,9 @@ class Failing(SpiedPort):
         raise self.later
 
     write = read
+
+    def close(self) -> None:
+        """Do nothing."""
 
 
 def opened(monkeypatch: pytest.MonkeyPatch, port: Failing, url: str = PORT) -> Link:

@@ -187,10 +187,10 @@ def test_silence_without_a_number_is_in_no_mean() -> None:
     assert not marked[np.isnan(ranges)].any()
 
 
-DIGITS = [([51, 255], 0.01, 0.01), ([0.51, 2.55], 1.0, 0.01), ([0.5, 2.0], 1.0, 0.1), ([math.nan, 3.0], 1.0, 1.0)]
-
-
-@pytest.mark.parametrize(("ranges", "scale", "unit"), DIGITS)
+@pytest.mark.parametrize(
+    ("ranges", "scale", "unit"),
+    [([51, 255], 0.01, 0.01), ([0.51, 2.55], 1.0, 0.01), ([0.5, 2.0], 1.0, 0.1), ([math.nan, 3.0], 1.0, 1.0)],
+)
 def test_the_unit_is_the_last_digit_of_the_ranges(ranges: list[float], scale: float, unit: float) -> None:
     assert unit_of(np.array(ranges) * scale, scale) == pytest.approx(unit)
 
@@ -290,10 +290,10 @@ def test_a_range_beyond_the_limits_of_its_message_is_no_echo(tmp_path: Path) -> 
     assert [number for number, one in enumerate(readings) if one.range is None] == [3]
 
 
-UNCLEAR = [(_wide(",", ()), "unit of the range not stated"), (_ranges(), "sensors sonar0, sonar1 without directions")]
-
-
-@pytest.mark.parametrize(("text", "expected"), UNCLEAR)
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [(_wide(",", ()), "unit of the range not stated"), (_ranges(), "sensors sonar0, sonar1 without directions")],
+)
 def test_what_a_table_does_not_state_is_asked_for(text: str, expected: str, tmp_path: Path) -> None:
     file = tmp_path / "scan.csv"
     file.write_text(text)
@@ -347,11 +347,12 @@ def test_a_trace_of_an_oscilloscope_begins_at_its_trigger(maker: str, tmp_path: 
 
 SWEEP = [*range(15, 166, 5), *range(160, 14, -5)]
 FARTHER = [round(1 + angle / 300, 3) for angle in SWEEP]  # m
-PAIRED = [*zip(SWEEP, FARTHER, strict=True)]
 OF_ROS = "angle_min: 0.0\nangle_increment: {step}\nrange_min: 0.1\nrange_max: 4.0\nranges: {ranges}\n---\n"
 TEXTS = {
-    "list": json.dumps([{"angle": a, "distance_m": d} for a, d in PAIRED]),
-    "document": json.dumps({"scan": [{"deg": a, "mm": 1e3 * d} for a, d in PAIRED]}, indent=2),
+    "list": json.dumps([{"angle": a, "distance_m": d} for a, d in zip(SWEEP, FARTHER, strict=True)]),
+    "document": json.dumps(
+        {"scan": [{"deg": a, "mm": 1e3 * d} for a, d in zip(SWEEP, FARTHER, strict=True)]}, indent=2
+    ),
     "lists": json.dumps({"angles_deg": SWEEP, "ranges_cm": [100 * distance for distance in FARTHER]}),
     "messages of ROS 1": OF_ROS.format(step=math.radians(5), ranges=FARTHER[:31]),
     "messages of ROS 2": OF_ROS.format(step=math.radians(5), ranges="".join(f"\n- {d}" for d in FARTHER[:31])),

@@ -82,10 +82,10 @@ def test_a_heading_that_contradicts_the_stated_one_is_doubtful(stated: float, tu
     assert [with_options(doubt) for doubt in found.doubts] == expected
 
 
-READ_AS = [(1.0, 1.0, None), (-1.0, 1.0, "with clockwise angles"), (1.0, 0.5, "with 2 times the ranges")]
-
-
-@pytest.mark.parametrize(("turn", "scale", "named"), READ_AS)
+@pytest.mark.parametrize(
+    ("turn", "scale", "named"),
+    [(1.0, 1.0, None), (-1.0, 1.0, "with clockwise angles"), (1.0, 0.5, "with 2 times the ranges")],
+)
 def test_a_scan_that_was_read_wrongly_is_found(turn: float, scale: float, named: str | None) -> None:
     place, angles = ROOM.place("p3"), np.radians(np.arange(0.0, 360.0, 12.0))
     ranges = sonarhw.predict(ROOM, place, BOARD, place.heading + angles).ranges

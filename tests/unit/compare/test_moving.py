@@ -88,10 +88,10 @@ def test_the_picture_has_the_trajectory_and_the_points_where_they_were_measured(
     np.testing.assert_allclose(lines["imported"], walls.transpose(2, 0, 1).reshape(-1, 2), atol=1e-6)
 
 
-TASKS = [sonarhw.fit, sonarhw.locate, sonarhw.map_room, lambda scan, room: sonarhw.compare(scan, room, fit="offset")]
-
-
-@pytest.mark.parametrize("task", TASKS)
+@pytest.mark.parametrize(
+    "task",
+    [sonarhw.fit, sonarhw.locate, sonarhw.map_room, lambda scan, room: sonarhw.compare(scan, room, fit="offset")],
+)
 def test_tasks_for_one_place_refuse_a_sensor_that_moves(room: Room, task: object) -> None:
     with pytest.raises(InputError, match=r"the sensor moves by 0.56 m and turns by 0°; expected readings from one"):
         task(driven(), room)  # type: ignore[operator]

@@ -80,8 +80,11 @@ def test_compare_takes_room_place_and_board_from_the_log(log: Path, readings: li
     assert comparison.prediction.board.name == "lego-nxt"
     assert comparison.prediction.place.position == room.place("p3").position
     assert comparison.summary().within_5cm == 1.0
-    for given in ((str(log),), (sonarhw.read_log(log),), (readings, "arena", "p3", "lego-nxt")):
-        same = sonarhw.compare(*given)
+    for same in (
+        sonarhw.compare(str(log)),
+        sonarhw.compare(sonarhw.read_log(log)),
+        sonarhw.compare(readings, "arena", "p3", "lego-nxt"),
+    ):
         assert [row.kind for row in same.rows] == [row.kind for row in comparison.rows]
 
 

@@ -216,8 +216,15 @@ def test_nothing_covers_another_thing_in_the_picture_of_located_poses(size: tupl
     poses = [((0.6, 0.71), 0.0, 0.41), ((0.6, 0.7), 0.1, 0.31), ((0.61, 0.7), -0.1, 0.15), ((0.9, 1.2), 3.0, 0.004)]
     angles = np.radians(np.arange(0.0, 360.0, 10.0))
     scores = Scores(np.array([[0.5, 0.5], [0.6, 0.5]]), np.zeros(1), np.zeros((2, 1)), 0.1)
-    likely = tuple(Pose(at, heading, 0.0, share, (0.01, 0.01, 0.01)) for at, heading, share in poses)
-    found = Located(room, PAPER, tuple(readings_of(angles, np.full(36, 0.5))), likely, scores, 1.0, 1.0)
+    found = Located(
+        room,
+        PAPER,
+        tuple(readings_of(angles, np.full(36, 0.5))),
+        tuple(Pose(position, heading, 0.0, share, (0.01, 0.01, 0.01)) for position, heading, share in poses),
+        scores,
+        1.0,
+        1.0,
+    )
     figure = draw_located(found)
     figure.canvas.draw()
     axes = figure.axes[0]

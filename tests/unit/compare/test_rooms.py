@@ -54,19 +54,19 @@ Change = NewPost | NewWall | MovedWall | OtherReflectance
 
 
 @pytest.mark.parametrize(
-    ("true", "text"),
+    ("true", "board", "step", "text"),
     [
-        (NewPost((0.3, 0.3), 0.03), "something near 0.3"),
-        (MovedWall("west", -0.02, 0.02), "wall west is 0.0"),
-        (OtherReflectance("plate", 0.9, 0.1), "edge plate/ is weaker than assumed"),
-        (None, ""),
+        (NewPost((0.3, 0.3), 0.05), QUICK, 8.0, "something near 0.3"),
+        (MovedWall("west", -0.02, 0.02), BOARD, 5.0, "wall west is 0.0"),
+        (OtherReflectance("plate", 0.9, 0.1), BOARD, 5.0, "edge plate/ is weaker than assumed"),
+        (None, BOARD, 5.0, ""),
     ],
     ids=["post", "moved wall", "weak edge", "nothing"],
 )
-def test_what_differs_in_the_room_is_found(true: Change | None, text: str) -> None:
+def test_what_differs_in_the_room_is_found(true: Change | None, board: Board, step: float, text: str) -> None:
     room = GIVEN if true is None else true.applied(GIVEN)
     shares: list[float] = []
-    found = find_causes(predicted_readings(room, HERE, BOARD, noise=0.01), GIVEN, HERE, BOARD, shares.append)
+    found = find_causes(predicted_readings(room, HERE, board, step, noise=0.01), GIVEN, HERE, board, shares.append)
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
     assert len([share for share in shares if 0.05 < share < 0.6]) > 10  # it moves during the first search, too
@@ -202,10 +202,11 @@ def test_a_range_offset_is_found_if_the_board_describes_a_population() -> None:
 # Right angles.
 
 
-FACED = [((2.0, 2.0), [(0.5, 1.0)], 0.26), ((2.4, 1.8), [(0.5, 1.0), (1.0, 1.8), (1.4, 0.6)], None)]
-
-
-@pytest.mark.parametrize(("east", "places", "angle"), FACED, ids=["one place faces it", "several places face it"])
+@pytest.mark.parametrize(
+    ("east", "places", "angle"),
+    [((2.0, 2.0), [(0.5, 1.0)], 0.26), ((2.4, 1.8), [(0.5, 1.0), (1.0, 1.8), (1.4, 0.6)], None)],
+    ids=["one place faces it", "several places face it"],
+)
 def test_a_wall_is_squared(east: tuple[float, float], places: list[tuple[float, float]], angle: float | None) -> None:
     room = polygon_room([(0.0, 0.0), (east[0], 0.0), (east[1], 3.0), (0.0, 3.0)])
     scans = [predicted_scan(room, Place(str(k), at), BOARD, 4.0, options=FOLLOWED) for k, at in enumerate(places)]

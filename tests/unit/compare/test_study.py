@@ -10,10 +10,11 @@ from sonarhw_sim.room.room import Room
 from sonarhw.errors import InputError
 from tests.fixtures.rooms_for_tests import polygon_room
 
-VALUES = [(3, (3,)), ("a", ("a",)), ((1, 2.5), (1.0, 2.5)), (("a", "b"), ("a", "b")), ((True, False), (True, False))]
 
-
-@pytest.mark.parametrize(("written", "values"), VALUES)
+@pytest.mark.parametrize(
+    ("written", "values"),
+    [(3, (3,)), ("a", ("a",)), ((1, 2.5), (1.0, 2.5)), (("a", "b"), ("a", "b")), ((True, False), (True, False))],
+)
 def test_values_and_lists_are_grid_axes(written: object, values: tuple[object, ...]) -> None:
     axis = read_axis(written)
     assert isinstance(axis, Listed)

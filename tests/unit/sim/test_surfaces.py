@@ -180,10 +180,10 @@ def test_open_chain_separates_no_edges() -> None:
     assert separated_from(gap, 0.0, 0.0) == set()
 
 
-OUTSIDE = [((1.0, 1.0), False), ((5.0, 5.0), True), ((-0.1, 1.0), True), ((0.0, 1.0), False), ((2.9, 2.9), True)]
-
-
-@pytest.mark.parametrize(("point", "outside"), OUTSIDE)
+@pytest.mark.parametrize(
+    ("point", "outside"),
+    [((1.0, 1.0), False), ((5.0, 5.0), True), ((-0.1, 1.0), True), ((0.0, 1.0), False), ((2.9, 2.9), True)],
+)
 def test_points_that_no_chain_encloses_are_outside(point: tuple[float, float], outside: bool) -> None:
     l_shaped = polygon_room([(0.0, 0.0), (3.0, 0.0), (3.0, 2.0), (2.0, 2.0), (2.0, 3.0), (0.0, 3.0)])
     assert l_shaped.is_outside(point) is outside

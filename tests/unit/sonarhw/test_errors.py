@@ -76,12 +76,17 @@ def test_in_a_cell_a_formula_is_quoted_and_a_control_character_escaped(name: str
 
 
 FIGURES = {
-    **{"deviation": math.inf, "low": -math.inf, "pair": (np.float64(np.inf), 2)},
+    "deviation": math.inf,
+    "low": -math.inf,
     "correlations": np.array([[1.0, np.nan], [np.nan, 1.0]]).tolist(),
+    "pair": (np.float64(np.inf), 2),
     "inside": [{"level_db": -math.inf, "name": "NaN", "count": 3, "fits": True, "place": None}],
 }
 WRITTEN = {
-    **{"deviation": None, "low": None, "correlations": [[1.0, None], [None, 1.0]], "pair": [None, 2]},
+    "deviation": None,
+    "low": None,
+    "correlations": [[1.0, None], [None, 1.0]],
+    "pair": [None, 2],
     "inside": [{"level_db": None, "name": "NaN", "count": 3, "fits": True, "place": None}],
 }
 

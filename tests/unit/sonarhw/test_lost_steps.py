@@ -58,8 +58,13 @@ def test_steps_lost_in_a_single_sweep_are_reported(faults: str, tmp_path: Path) 
 def test_no_verified_reading_has_a_wrong_angle(seed: int) -> None:
     choice = random.Random(seed)
     step = choice.choice([-1, 1]) * choice.choice([2, 5, 7.5])
-    start, counts = choice.randrange(-400, 400) * 1_000_000, [choice.randrange(*of) for of in ((2, 40), (1, 5), (1, 3))]
-    order = StartScan(start, round(step * 1e6), *counts)
+    order = StartScan(
+        start=choice.randrange(-400, 400) * 1_000_000,
+        step=round(step * 1e6),
+        headings=choice.randrange(2, 40),
+        sweeps=choice.randrange(1, 5),
+        pings=choice.randrange(1, 3),
+    )
     total = order.headings * order.sweeps * order.pings
     fault = choice.choice(["wedge=0.4", "wedge", "slip=3", "slip=-200"])
     readings, message = scan_that_loses_steps(Bench(faulty(f"{fault}@r{choice.randrange(1, total + 1)}")), order)

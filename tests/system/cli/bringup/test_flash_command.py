@@ -106,10 +106,11 @@ def test_a_board_that_answers_for_another_ranging_board_or_turntable_is_an_error
     assert "expected sonarhw-uno for hc-sr04 and servo; flash it again" in done.stderr
 
 
-UNLIKE = [({"chip": "atmega328p"}, "signature"), ({"writes": False}, "verification mismatch")]
-
-
-@pytest.mark.parametrize(("options", "message"), UNLIKE, ids=["other chip", "nothing is kept"])
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [({"chip": "atmega328p"}, "signature"), ({"writes": False}, "verification mismatch")],
+    ids=["other chip", "nothing is kept"],
+)
 def test_avrdude_refuses_another_chip_and_a_failed_verification(options: dict[str, object], message: str) -> None:
     with bootloader_board(OLD, **options) as board:
         done = sonarhw("flash", board.port)

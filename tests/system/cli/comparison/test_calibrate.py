@@ -121,10 +121,10 @@ def test_no_plate_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str],
     assert not out.exists()
 
 
-CLUTTERED = [(1.0, 180), pytest.param(1.5, 0, marks=pytest.mark.soak), pytest.param(1.0, 270, marks=pytest.mark.soak)]
-
-
-@pytest.mark.parametrize(("distance", "direction"), CLUTTERED)
+@pytest.mark.parametrize(
+    ("distance", "direction"),
+    [(1.0, 180), pytest.param(1.5, 0, marks=pytest.mark.soak), pytest.param(1.0, 270, marks=pytest.mark.soak)],
+)
 def test_clutter_of_a_laboratory_is_no_plate(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], distance: float, direction: int
 ) -> None:
@@ -135,10 +135,10 @@ def test_clutter_of_a_laboratory_is_no_plate(
     assert not out.exists()
 
 
-PROFILES = [("bench", "[mount]\nahead = 0.01\n"), ('a "quoted" back\\slash, an ä and a\n# new line', CHIRP)]
-
-
-@pytest.mark.parametrize(("name", "trailing"), PROFILES)
+@pytest.mark.parametrize(
+    ("name", "trailing"),
+    [("bench", "[mount]\nahead = 0.01\n"), ('a "quoted" back\\slash, an ä and a\n# new line', CHIRP)],
+)
 def test_keys_go_to_the_top_of_the_profile_and_any_name_is_valid(tmp_path: Path, trailing: str, name: str) -> None:
     given, out = tmp_path / "given.toml", tmp_path / f"{name}.toml"
     given.write_text(f"# mine\n{load_board('polaroid-6500').text}\n# below\n{trailing}")

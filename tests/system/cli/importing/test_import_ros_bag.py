@@ -170,6 +170,8 @@ def test_a_damaged_bag_is_refused_in_one_line(tmp_path: Path, capsys: pytest.Cap
         (["--threshold", "0.5"], "--threshold 0.5: only for formats with traces"),
     ],
 )
-def test_refused_options(tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], message: str) -> None:
+def test_options_that_do_not_fit_a_bag_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], message: str
+) -> None:
     assert run(["import", str(ros1_bag(tmp_path)), "--out", str(tmp_path / "out.mcap"), *options]) == 2
     assert message in capsys.readouterr().err

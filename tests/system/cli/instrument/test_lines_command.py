@@ -49,12 +49,18 @@ def test_a_scan_reports_what_it_ignored(tmp_path: Path, capsys: pytest.CaptureFi
 
 def test_the_plain_port_of_a_device_that_prints_text_says_how_to_find_its_url(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scanner, "time", ReceivedClock(monkeypatch, 100))
-    with PrintingDevice(RADAR.rounds()) as device, pytest.raises(NoAnswer, match=r"Listen for text.*sonarhw ports"):
+    with (
+        PrintingDevice(RADAR.rounds()) as device,
+        pytest.raises(NoAnswer, match=r"Listen for text.*sonarhw ports --guess PORT"),
+    ):
         Scanner.open(device.port)
 
 
 def test_monitor_prints_bytes_and_readings_until_it_is_interrupted() -> None:
-    with PrintingDevice(RADAR.rounds()) as device, started("monitor", f"lines:{device.port}?{RADAR.query}") as monitor:
+    with (
+        PrintingDevice(RADAR.rounds()) as device,
+        started("monitor", f"lines:{device.port}?preset=arduino-radar") as monitor,
+    ):
         printed = ""
         while not re.search(r"^ +\d+\.\d{3}  (\d+)\.0°  (\d\.\d{3} m|no echo)\n", printed, flags=re.MULTILINE):
             (line,) = lines(monitor, 1)

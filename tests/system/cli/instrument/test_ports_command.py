@@ -17,8 +17,10 @@ def test_ports_with_known_usb_ids_are_checked_and_others_only_with_ask(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     known, unknown = tmp_path / "ttyACM0", tmp_path / "ttyS0"
-    boards = [FakeBoard(PlainEchoes(), seed=seed) for seed in (3, 4)]
-    with serve(boards[0], pty=known) as first, serve(boards[1], pty=unknown) as second:
+    with (
+        serve(FakeBoard(PlainEchoes(), seed=3), pty=known) as first,
+        serve(FakeBoard(PlainEchoes(), seed=4), pty=unknown) as second,
+    ):
         ports = [Port(first.url, "USB serial", Usb(0x2341, 0x0042, "1", "1-1")), Port(second.url, "16550")]
         monkeypatch.setattr("sonarhw.link.serial_ports", lambda: ports)
         assert run(["ports"]) == 0
@@ -29,9 +31,15 @@ def test_ports_with_known_usb_ids_are_checked_and_others_only_with_ask(
         assert "scanner FAKE-0004" in capsys.readouterr().out
         assert run(["ports", "--json"]) == 0
         first_port, second_port = json.loads(capsys.readouterr().out)["ports"]
-    usb = {"description": "USB serial", "known_as": "Arduino Mega 2560", "usb_id": "2341:0042", "usb_serial": "1"}
-    answer = {"scanner": True, "answer": "scanner FAKE-0003, sonarhw-fake 0.1.0"}
-    assert first_port == {"url": first.url, **usb, **answer}
+    assert first_port == {
+        "url": first.url,
+        "description": "USB serial",
+        "known_as": "Arduino Mega 2560",
+        "usb_id": "2341:0042",
+        "usb_serial": "1",
+        "scanner": True,
+        "answer": "scanner FAKE-0003, sonarhw-fake 0.1.0",
+    }
     assert (second_port["url"], second_port["scanner"], second_port["answer"]) == (second.url, None, None)
     assert set(first_port) == keys_in_reference("### `sonarhw ports")
 

@@ -113,10 +113,10 @@ def test_probabilities_add_up_to_1_at_each_heading(name: str, tmp_path: Path) ->
         assert ranges == pytest.approx(np.round(ranges), abs=1e-9)
 
 
-MOUNTED = [("[mount]\nahead = 0.05\n", "45"), ("[ring]\nsensors = 4\nradius = 0.05\ninterval = 0.1\n", "90")]
-
-
-@pytest.mark.parametrize(("lines", "step"), MOUNTED)
+@pytest.mark.parametrize(
+    ("lines", "step"),
+    [("[mount]\nahead = 0.05\n", "45"), ("[ring]\nsensors = 4\nradius = 0.05\ninterval = 0.1\n", "90")],
+)
 def test_fake_scanner_and_comparison_use_the_mount_of_the_profile(lines: str, step: str, tmp_path: Path) -> None:
     board, log = tmp_path / "mine.toml", tmp_path / "scan.mcap"
     board.write_text(PROFILE + lines)

@@ -213,9 +213,17 @@ def test_other_tools_read_frames_readings_and_one_laser_scan_per_sweep(tmp_path:
         sweeps = [scan for _, _, _, scan in reader.iter_decoded_messages(topics=["/scan"])]
     assert summary.statistics.message_count == 4 + 8 + 8 + 2
     assert [one["angle_deg"] for one in decoded] == pytest.approx([0, 10, 20, 30, 30, 20, 10, 0])
-    silent = {"range_m": None, "echo_times_s": [], "speed_of_sound": SPEED, "temperature_c": 21.37, "time": 0}
-    expected = {"sweep": 0, "ping": 0, "number": 2, "angle_deg": pytest.approx(20), **silent}
-    assert decoded[2] | {"time": 0} == expected
+    assert decoded[2] | {"time": 0} == {
+        "time": 0,
+        "sweep": 0,
+        "ping": 0,
+        "number": 2,
+        "angle_deg": pytest.approx(20),
+        "range_m": None,
+        "echo_times_s": [],
+        "speed_of_sound": SPEED,
+        "temperature_c": 21.37,
+    }
     assert len(sweeps) == 2
     for scan, four in zip(sweeps, (readings[:4], readings[:3:-1]), strict=True):
         assert (scan.start_angle, scan.end_angle) == pytest.approx((0.0, math.radians(30)))
@@ -264,9 +272,15 @@ def test_sweeps_have_the_published_schema(tmp_path: Path) -> None:
     published = LaserScan_pb2.DESCRIPTOR
     for file_descriptor in (published, *published.dependencies):
         assert carried[file_descriptor.name].SerializeToString() == file_descriptor.serialized_pb
-    names = ("timestamp", "frame_id", "pose", "start_angle", "end_angle", "ranges", "intensities")
-    carried_fields = carried[published.name].message_type[0].field
-    assert [(field.number, field.name) for field in carried_fields] == [*enumerate(names, 1)]
+    assert [(field.name, field.number) for field in carried[published.name].message_type[0].field] == [
+        ("timestamp", 1),
+        ("frame_id", 2),
+        ("pose", 3),
+        ("start_angle", 4),
+        ("end_angle", 5),
+        ("ranges", 6),
+        ("intensities", 7),
+    ]
 
 
 def test_a_chunk_may_end_with_an_empty_record_of_another_program(tmp_path: Path) -> None:
@@ -284,8 +298,10 @@ def test_a_chunk_may_end_with_an_empty_record_of_another_program(tmp_path: Path)
 
 def readings(*rows: tuple[float, float]) -> list[Reading]:
     """Return readings of headings (degrees) and ranges (m; inf: no echo), in order of time."""
-    echoes = [() if math.isinf(far) else (2 * far / SPEED,) for _, far in rows]
-    return [Reading(k, 0, 0, math.radians(rows[k][0]), 0.1 * k, times, SPEED) for k, times in enumerate(echoes)]
+    return [
+        Reading(k, 0, 0, math.radians(degrees), 0.1 * k, () if math.isinf(far) else (2 * far / SPEED,), SPEED)
+        for k, (degrees, far) in enumerate(rows)
+    ]
 
 
 @pytest.mark.parametrize(
