@@ -36,7 +36,7 @@ class Scene:
     room_file: str = ""  # file name, for the log
     options: PredictionOptions = field(default_factory=PredictionOptions)
 
-    @property
+    @cached_property
     def pose(self) -> Place:
         """The place, with the actual heading of the turntable's zero; without a room the origin, facing +x."""
         place = self.place or NOWHERE
