@@ -345,6 +345,7 @@ class MainWindow(QtWidgets.QMainWindow):
         self.toolbar.show_state(shown)
         self._show_title()
         self.hint.show_state(shown)
+        self._show_commands()  # at once: a key acts only on an enabled command, such as Undo after an edit
         if self._is_busy:
             self.turns.advance()
         else:
@@ -378,7 +379,6 @@ class MainWindow(QtWidgets.QMainWindow):
 
     def _show_figures(self) -> None:
         self.legend.show_state(self.session.shown)
-        self._show_commands()
         self.status_bar.show_state(self.session.status)
         self.device.show_status(self.session.status)
 
