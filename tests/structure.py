@@ -54,9 +54,14 @@ def module_cycles(graph: ImportGraph) -> list[Cycle]:
 def small_single_importers(graph: ImportGraph) -> list[str]:
     """Return the modules of the installed packages that are small and that one module alone imports."""
     packages = installed_packages()
-    files = {name: module_path(name) for name in graph.modules if name.split(".")[0] in packages}
-    small = [name for name, path in files.items() if path.is_file() and code_lines(path.read_text()) < SMALL]
-    return sorted(name for name in small if len(_importers(graph, name)) == 1)
+    return sorted(
+        module
+        for module in graph.modules
+        if module.split(".")[0] in packages
+        and (path := module_path(module)).is_file()
+        and code_lines(path.read_text()) < SMALL
+        and len(_importers(graph, module)) == 1
+    )
 
 
 def _importers(graph: ImportGraph, module: str) -> set[str]:

@@ -106,9 +106,15 @@ class Shell:
         return filtered
 
     def _in_bash(self, text: str, given: str = "") -> subprocess.CompletedProcess[str]:
-        command, pipe = ["bash", "-c", f"set -o pipefail; {text}"], subprocess.PIPE
-        streams = {"input": given, "stdout": pipe, "stderr": pipe if self._apart else subprocess.STDOUT, "text": True}
-        return subprocess.run(command, cwd=self.folder, env=self.environment, **streams)
+        return subprocess.run(
+            ["bash", "-c", f"set -o pipefail; {text}"],
+            input=given,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE if self._apart else subprocess.STDOUT,
+            text=True,
+            cwd=self.folder,
+            env=self.environment,
+        )
 
 
 def differences(page: Path, shell: Shell) -> Iterator[str]:

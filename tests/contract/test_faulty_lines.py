@@ -24,8 +24,16 @@ ORDER = ScanOrder(start=0.0, step=math.radians(5), headings=20, sweeps=2)
 MICROSTEP = math.tau / 3200
 TICKS = 1e-6  # s; two ticks of the firmware's timer
 PACE = 5.0  # times real time; the faults count the seconds of the board
-FAULTS = [f"{fault}=10@r5" for fault in ("stall", "deaf", "mute", "nonsense")]
-FAULTS += ["drop=1/1000,flip=1/1000,insert=1/1000", "reset@r5,reset@r25", "unplug=5@r5", "unplug=5@r5,reset=10@r5"]
+FAULTS = [
+    "drop=1/1000,flip=1/1000,insert=1/1000",
+    "stall=10@r5",
+    "deaf=10@r5",
+    "mute=10@r5",
+    "reset@r5,reset@r25",
+    "nonsense=10@r5",
+    "unplug=5@r5",
+    "unplug=5@r5,reset=10@r5",
+]
 
 
 @contextmanager

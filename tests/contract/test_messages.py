@@ -54,8 +54,9 @@ def test_capabilities_agree_with_the_identity(talk: Talk) -> None:
     assert 1 <= capabilities.most_echoes <= MAX_ECHOES
     assert capabilities.readings_kept >= 1
     assert bool(capabilities.features & msg.Feature.THERMOMETER) == (info.temperature != msg.NO_TEMPERATURE)
-    expected = bool(capabilities.fastest_trace)
-    assert bool(capabilities.features & (msg.Feature.ENVELOPE | msg.Feature.CARRIER)) == expected
+    assert bool(capabilities.features & (msg.Feature.ENVELOPE | msg.Feature.CARRIER)) == bool(
+        capabilities.fastest_trace
+    )
 
 
 def test_statistics_count_the_frames_sent(talk: Talk) -> None:

@@ -91,8 +91,18 @@ def record(folder: Path) -> None:
         if coverage.exists():
             continue
         print(f"recording {' '.join(tests)}", flush=True)
-        command = [sys.executable, "-m", "pytest", *tests, "-p", "no:cacheprovider", "-vv", "--durations=0"]
-        command += ["--color=no", "--cov", "--cov-context=test", "--cov-report=", "--cov-fail-under=0"]
+        command = [
+            sys.executable,
+            "-m",
+            "pytest",
+            *tests,
+            "-p",
+            "no:cacheprovider",
+            "-vv",
+            "--durations=0",
+            "--color=no",
+        ]
+        command += ["--cov", "--cov-context=test", "--cov-report=", "--cov-fail-under=0"]
         with (folder / f"{area}.log").open("w") as log:
             ended = subprocess.run(command, cwd=CHECKOUT, env=os.environ | {"COVERAGE_FILE": str(coverage)}, stdout=log)
         if ended.returncode:

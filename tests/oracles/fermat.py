@@ -77,10 +77,15 @@ def _clearance(start: Points, stop: Points, surface: int, walls: Points, posts: 
         x, y, radius = posts[surface - len(walls)]
         return _distance(np.array([x, y]), start, stop) - float(radius)
     one, other = walls[surface, :2], walls[surface, 2:]
-    legs = (one, start, stop), (other, start, stop), (start, one, other), (stop, one, other)
-    apart = min(_distance(*leg) for leg in legs)
-    sides = _side(one, start, stop) * _side(other, start, stop), _side(start, one, other) * _side(stop, one, other)
-    crosses = sides[0] < 0 and sides[1] < 0
+    apart = min(
+        _distance(one, start, stop),
+        _distance(other, start, stop),
+        _distance(start, one, other),
+        _distance(stop, one, other),
+    )
+    crosses = (
+        _side(one, start, stop) * _side(other, start, stop) < 0 > _side(start, one, other) * _side(stop, one, other)
+    )
     return -apart if crosses else apart
 
 

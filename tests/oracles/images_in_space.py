@@ -94,8 +94,12 @@ def bent_in_space(
     The point of the rim is found by minimising the length.
     """
     home, paths = np.array(position), []
-    all_of = itertools.chain.from_iterable(itertools.product(faces, repeat=count) for count in range(order + 1))
-    sequences = [some for some in all_of if not any(one is other for one, other in itertools.pairwise(some))]
+    sequences = [
+        sequence
+        for count in range(order + 1)
+        for sequence in itertools.product(faces, repeat=count)
+        if not any(one is other for one, other in itertools.pairwise(sequence))
+    ]
     for there, back in itertools.product(sequences, repeat=2):
         if len(there) + len(back) > order:
             continue
@@ -157,6 +161,8 @@ def _faces_towards(face: Face, other: Face, point: Vectors) -> bool:
 def _blocks(face: Face, start: Vectors, end: Vectors) -> bool:
     crossing = face.crossing(start, end)
     # an end on the face is in a corner
-    if crossing is None or min(math.dist(crossing, start), math.dist(crossing, end)) <= _CLOSE:
-        return False
-    return face.margin(crossing) > _CLOSE
+    return (
+        crossing is not None
+        and min(math.dist(crossing, start), math.dist(crossing, end)) > _CLOSE
+        and face.margin(crossing) > _CLOSE
+    )

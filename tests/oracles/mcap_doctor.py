@@ -58,8 +58,14 @@ def complaints(path: Path) -> list[str]:
         return [str(error)]
     end = next(number for number, (_, _, record) in enumerate(placed) if isinstance(record, DataEnd))
     data, summary = placed[:end], [record for _, _, record in placed[end + 1 :]]
-    wrong = [*_order(placed), *_checksums(path, placed, end), *_chunks(data), *_indexes(data, summary)]
-    return [*wrong, *_statistics(data, summary), *_summary_offsets(placed[end + 1 :])]
+    return [
+        *_order(placed),
+        *_checksums(path, placed, end),
+        *_chunks(data),
+        *_indexes(data, summary),
+        *_statistics(data, summary),
+        *_summary_offsets(placed[end + 1 :]),
+    ]
 
 
 def _order(placed: list[Placed]) -> list[str]:
@@ -196,9 +202,14 @@ def _statistics(data: list[Placed], summary: list[McapRecord]) -> list[str]:
 
 
 def _summary_offsets(placed: list[Placed]) -> list[str]:
-    opcodes = {Schema: Opcode.SCHEMA, Channel: Opcode.CHANNEL, Statistics: Opcode.STATISTICS}
-    opcodes |= {ChunkIndex: Opcode.CHUNK_INDEX, AttachmentIndex: Opcode.ATTACHMENT_INDEX}
-    opcodes[MetadataIndex] = Opcode.METADATA_INDEX
+    opcodes = {
+        Schema: Opcode.SCHEMA,
+        Channel: Opcode.CHANNEL,
+        Statistics: Opcode.STATISTICS,
+        ChunkIndex: Opcode.CHUNK_INDEX,
+        AttachmentIndex: Opcode.ATTACHMENT_INDEX,
+        MetadataIndex: Opcode.METADATA_INDEX,
+    }
     wrong = []
     for offset in (record for _, _, record in placed if isinstance(record, SummaryOffset)):
         begin, end = offset.group_start, offset.group_start + offset.group_length

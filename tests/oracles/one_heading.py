@@ -115,7 +115,6 @@ def _first_detected(
     # unpacking arrays from tuples costs as much as the test of a wall, so it is done once
     walls, posts, cells, (starts, numbers) = surfaces
     on_wall, edges = edges_on_walls
-    room = walls, posts, cells, starts, numbers, reflectances, wedges, on_wall, edges, surfaces
     nearest, count = np.inf, round(math.pi / limits.spacing)
     diffracted = [_outgoing(pose, pose.heading, limits, table) for _ in range(0)]
     for k in range(count):
@@ -124,7 +123,24 @@ def _first_detected(
         direction = pose.heading - math.pi / 2 + (number + FIRST_RAY) * limits.spacing
         diffracted.append(_outgoing(pose, direction, limits, table))
         while len(diffracted) > 0:
-            nearest = _follow(diffracted.pop(), nearest, pose, limits, table, *room, diffracted)
+            nearest = _follow(
+                diffracted.pop(),
+                nearest,
+                pose,
+                limits,
+                table,
+                walls,
+                posts,
+                cells,
+                starts,
+                numbers,
+                reflectances,
+                wedges,
+                on_wall,
+                edges,
+                surfaces,
+                diffracted,
+            )
     return nearest
 
 

@@ -185,8 +185,12 @@ def _step_row(
     before, now, after = rows
     for j in range(old.shape[0]):
         here = now[j + 1]
-        inflow = right[1][j] * (after[j] - here) + right[0][j] * (before[j] - here)
-        inflow += upper[j + 1] * (now[j + 2] - here) + upper[j] * (now[j] - here)
+        inflow = (
+            right[1][j] * (after[j] - here)
+            + right[0][j] * (before[j] - here)
+            + upper[j + 1] * (now[j + 2] - here)
+            + upper[j] * (now[j] - here)
+        )
         old[j] = here + here - old[j] + gains[j] * inflow
 
 
@@ -203,9 +207,13 @@ def _march(right: Singles, upper: Singles, gains: Singles, burst: Floats, cells_
         for i in range(middle - int(reach), middle + int(reach) + 1):
             half = int(np.sqrt(reach**2 - (i - middle) ** 2))
             first, last = middle - half, middle + half + 1
-            rows = now[i - 1, first:last], now[i, first - 1 : last + 1], now[i + 1, first:last]
-            beside = right[i - 1, first:last], right[i, first:last]
-            _step_row(old[i, first:last], rows, beside, upper[i, first - 1 : last], gains[i, first:last])
+            _step_row(
+                old[i, first:last],
+                (now[i - 1, first:last], now[i, first - 1 : last + 1], now[i + 1, first:last]),
+                (right[i - 1, first:last], right[i, first:last]),
+                upper[i, first - 1 : last],
+                gains[i, first:last],
+            )
         old, now = now, old
         if step < burst.shape[0]:
             now[middle, middle] += burst[step]

@@ -98,8 +98,13 @@ def test_any_file_is_accepted_or_refused_with_one_line(
     model: type[TomlModel], parse: Callable[[str, str], object], shipped: str, count: Count
 ) -> None:
     schema, good = json_schema(model), tomllib.loads((CHECKOUT / shipped).read_text())
-    how = settings(max_examples=count(30, 20_000), deadline=None, derandomize=True, database=None)
-    how = settings(how, suppress_health_check=list(HealthCheck))
+    how = settings(
+        max_examples=count(30, 20_000),
+        deadline=None,
+        derandomize=True,
+        database=None,
+        suppress_health_check=list(HealthCheck),
+    )
     accepted: list[bool] = []
 
     @how

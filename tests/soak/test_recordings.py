@@ -138,8 +138,12 @@ def by_window(url: str, folder: Path, _: pytest.CaptureFixture[str]) -> list[str
     """Return the headings that the window shows, degrees."""
     settings = ScanSettings(folder, ORDER)
     scene, shown = scene_with(load_board("paper")), []
-    job = scan_and_record(scene, settings)
-    live = ScannerThread(lambda: sonarhw.open_scanner(url), Phase.HOMING, job, lambda: shown.extend(live.take()))
+    live = ScannerThread(
+        lambda: sonarhw.open_scanner(url),
+        Phase.HOMING,
+        scan_and_record(scene, settings),
+        lambda: shown.extend(live.take()),
+    )
     live.start()
     live.disconnect()
     live.join()

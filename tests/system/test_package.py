@@ -123,8 +123,12 @@ def base_distributions() -> set[str]:
 
 def packages_to_hide() -> list[str]:
     """Return the importable names of everything installed here that a base installation lacks."""
-    kept, packages = base_distributions() | {"sonarhw"}, packages_distributions().items()
-    hidden = {package for package, owners in packages if kept.isdisjoint(map(canonicalize_name, owners))}
+    kept = base_distributions() | {"sonarhw"}
+    hidden = {
+        package
+        for package, owners in packages_distributions().items()
+        if not {canonicalize_name(owner) for owner in owners} & kept
+    }
     return sorted(hidden - sys.stdlib_module_names)
 
 

@@ -21,8 +21,11 @@ def texts(tree: ast.AST) -> Iterator[str]:
         if isinstance(node, ast.JoinedStr):
             yield "".join(part.value if isinstance(part, ast.Constant) else "…" for part in node.values)
         elif not isinstance(node, ast.Expr):
-            constants = [child.value for child in ast.iter_child_nodes(node) if isinstance(child, ast.Constant)]
-            yield from (value for value in constants if isinstance(value, str))
+            yield from (
+                child.value
+                for child in ast.iter_child_nodes(node)
+                if isinstance(child, ast.Constant) and isinstance(child.value, str)
+            )
 
 
 def names_option(text: str) -> bool:
@@ -30,10 +33,15 @@ def names_option(text: str) -> bool:
 
 
 def test_options_are_named_only_inside_whole_commands() -> None:
-    paths = [path for package in PACKAGES for path in Path(CHECKOUT, package).rglob("*.py")]
-    for path in (path for path in paths if path.name not in COMMAND_LINES):
-        found = [*filter(names_option, texts(ast.parse(path.read_text(encoding="utf-8"))))]
-        assert not found, path
+    found = [
+        f"{path.relative_to(CHECKOUT)}: {text}"
+        for package in PACKAGES
+        for path in sorted(Path(CHECKOUT, package).rglob("*.py"))
+        if path.name not in COMMAND_LINES
+        for text in texts(ast.parse(path.read_text(encoding="utf-8")))
+        if names_option(text)
+    ]
+    assert found == []
 
 
 @pytest.mark.parametrize(

@@ -47,10 +47,14 @@ def random_box(seed: int) -> Box:
     shares = random.uniform(0.5, 1.0, (3, 2))
     position = random.uniform(0.15, 0.85, 3) * size
     (x, y, top), ((west, east), (south, north), (floor, ceiling)) = size.tolist(), shares.tolist()
-    corners = ((0.0, 0.0), (x, 0.0), (x, y), (0.0, y), (0.0, 0.0))
-    sides = {"south": south, "east": east, "north": north, "west": west}
-    walls = "".join(_wall(name, points, name) for name, points in zip(sides, itertools.pairwise(corners), strict=True))
-    room = _room(walls, top, sides, floor, ceiling)
+    sides = {
+        "south": (((0.0, 0.0), (x, 0.0)), south),
+        "east": (((x, 0.0), (x, y)), east),
+        "north": (((x, y), (0.0, y)), north),
+        "west": (((0.0, y), (0.0, 0.0)), west),
+    }
+    walls = "".join(_wall(name, points, name) for name, (points, _) in sides.items())
+    room = _room(walls, top, {name: share for name, (_, share) in sides.items()}, floor, ceiling)
     return Box(room, _place(position), size, shares)
 
 
@@ -80,8 +84,14 @@ def random_l_shape(seed: int) -> tuple[Room, Place]:
     random = np.random.default_rng(seed)
     (x, y), top = random.uniform(2.2, 3.0, 2).tolist(), float(random.uniform(1.6, 2.4))
     inner = random.uniform(0.45, 0.65, 2) * (x, y)
-    in_x, in_y = inner.tolist()
-    ends = ((0.0, 0.0), (x, 0.0), (x, in_y), (in_x, in_y), (in_x, y), (0.0, y))
+    ends = (
+        (0.0, 0.0),
+        (x, 0.0),
+        (x, float(inner[1])),
+        (float(inner[0]), float(inner[1])),
+        (float(inner[0]), y),
+        (0.0, y),
+    )
     half, turn = random.uniform(0.12, 0.25, 2), float(random.uniform(0, math.pi))
     middle = inner * random.uniform(0.45, 0.55, 2)
     rotation = np.array([[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]])

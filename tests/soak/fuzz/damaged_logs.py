@@ -128,7 +128,13 @@ def _with_checksums(data: bytes) -> bytes:
 
 def _other_frames(chance: Random, path: Path, room: str, board: str) -> bytes:
     metadata = replace(METADATA, room_text=room, board_text=board, board="paper")
-    usual: list[type[msg.Message]] = [msg.Settings, msg.Started, *2 * [msg.ReadingMessage], msg.Finished]
+    usual: tuple[type[msg.Message], ...] = (
+        msg.Settings,
+        msg.Started,
+        msg.ReadingMessage,
+        msg.ReadingMessage,
+        msg.Finished,
+    )
     with path.open("wb") as file, LogWriter(file, metadata) as log:
         for number in range(chance.randrange(1, 25)):
             kind = usual[number] if number < len(usual) and chance.random() < 0.8 else None
@@ -251,8 +257,14 @@ def _other_metadata(chance: Random, path: Path, room: str, board: str) -> bytes:
         found = record(metadata)
         for _ in range(chance.randrange(1, 3)):
             name = chance.choice([*found])
-            dates = ("0001-01-01T00:00:00", "9999-12-31T23:59:59+00:00", "1600-01-01T00:00:00+00:00", "2026-13-01")
-            found[name] = chance.choice((*NAMES[:40], *NUMBERS, *dates, "nan", 'name = "x"', 300_000 * "x"))
+            dates = (
+                "0001-01-01T00:00:00",
+                "9999-12-31T23:59:59+00:00",
+                "1600-01-01T00:00:00+00:00",
+                "2026-13-01",
+                "nan",
+            )
+            found[name] = chance.choice((*NAMES[:40], *NUMBERS, *dates, 'name = "x"', 300_000 * "x"))
             found[name] = found[name].encode("utf-8", "replace").decode()
             if chance.random() < 0.2:
                 del found[name]

@@ -23,7 +23,7 @@ from sonarhw import link as ports
 from sonarhw.host import scanner
 from sonarhw.log.writer import write_scan
 from tests.checkout import CHECKOUT
-from tests.fixtures.commands import COMMAND, printed, sonarhw
+from tests.fixtures.commands import printed, sonarhw
 from tests.fixtures.example_logs import METADATA, example_reading, write_example
 from tests.hang_guard import HANG
 
@@ -259,7 +259,14 @@ def test_hostile_names_in_an_import(tmp_path: Path, capsys: pytest.CaptureFixtur
 
 
 def test_a_terminal_with_few_characters_gets_escapes(tmp_path: Path) -> None:
-    command = [*COMMAND, "log", "info", str(hostile_log(tmp_path))]
+    command = [
+        sys.executable,
+        "-c",
+        "from sonarhw_cli.entry import main; main()",
+        "log",
+        "info",
+        str(hostile_log(tmp_path)),
+    ]
     environment = os.environ | {"PYTHONIOENCODING": "iso8859-5"}
     done = subprocess.run(command, env=environment, capture_output=True, check=False, timeout=60)
     assert (done.returncode, done.stderr) == (0, b"")

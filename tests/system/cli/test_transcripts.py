@@ -25,8 +25,11 @@ def test_another_output_status_or_changed_file_is_found(tmp_path: Path, monkeypa
     page.write_text(
         "```\n$ echo right\nwrong\n$ exit 1\n$ touch new; exit 2\n[2]\n$ sonarhw xyzzy\nsonarhw: …y'…\n[2]\n```\n"
     )
-    expected = ["right", "[1]", "is refused, but changes files"]
-    assert [text.splitlines()[1] for text in differences(page, Shell(tmp_path))] == expected
+    assert [text.splitlines()[1] for text in differences(page, Shell(tmp_path))] == [
+        "right",
+        "[1]",
+        "is refused, but changes files",
+    ]
 
 
 @pytest.mark.parametrize(

@@ -228,10 +228,15 @@ def test_deviations_along_a_long_ridge_follow_from_its_bounds() -> None:
 def test_a_fit_models_the_late_detection_of_the_boards_own_receiver() -> None:
     board, options = load_board("polaroid-6500"), PredictionOptions(receiver=Receiver.BOARD)
     scan = predicted_scan(ARENA, TRUTH, board, options=options)
-    predictions = [PredictionOptions(receiver=receiver) for receiver in (Receiver.FIRST_ECHO, Receiver.BOARD)]
     paper, own = (
-        fitted([scan], "position", "heading", board=board, options=replace(NEARBY, prediction=prediction))
-        for prediction in predictions
+        fitted(
+            [scan],
+            "position",
+            "heading",
+            board=board,
+            options=replace(NEARBY, prediction=PredictionOptions(receiver=receiver)),
+        )
+        for receiver in (Receiver.FIRST_ECHO, Receiver.BOARD)
     )
     assert math.dist(own.places[0].position, TRUTH.position) < 0.002
     # the paper's receiver does not model 45 mm between a loud and a faint echo
@@ -241,10 +246,17 @@ def test_a_fit_models_the_late_detection_of_the_boards_own_receiver() -> None:
 def test_the_same_seed_gives_the_same_result_and_progress_grows_to_one(readings: list[Reading]) -> None:
     shares: list[float] = []
     free, scan = free_parameters(("heading",), [""], ARENA, BOARD), PlacedScan(readings, TRUTH)
-    how = FitOptions(samples=100, seed=5, exact=True)
-    one, other = (fit_scans([scan], ARENA, BOARD, free, options=how) for _ in range(2))
-    how = replace(how, seed=6, global_search=True)
-    third = fit_scans([scan], ARENA, BOARD, free, options=how, progress=lambda share, _: shares.append(share))
+    one, other, third = (
+        fit_scans(
+            [scan],
+            ARENA,
+            BOARD,
+            free,
+            options=FitOptions(samples=100, seed=seed, global_search=seed == 6, exact=True),
+            progress=lambda share, _, seed=seed: shares.append(share) if seed == 6 else None,
+        )
+        for seed in (5, 5, 6)
+    )
     assert np.array_equal(one.samples, other.samples)
     assert not np.array_equal(one.samples, third.samples)
     assert (shares, shares[-1]) == (sorted(shares), 1.0)

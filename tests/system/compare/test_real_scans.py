@@ -62,6 +62,7 @@ def test_the_profile_states_its_accuracy(scans: list[judged_scans.RealScan]) -> 
     found = judge_all(scans, BOARD, known_paths(scans, BOARD))
     pooled = judged_scans.figures_of([found[scan.name] for scan in scans])
     figures_line = next(line for line in PROFILE.read_text().splitlines() if line.startswith("# all scans"))
-    expected = pytest.approx([pooled.share, pooled.roc_area, pooled.agreement], abs=0.006)
-    assert [float(word) for word in figures_line.split()[3:]] == expected
+    assert [float(word) for word in figures_line.split()[3:]] == pytest.approx(
+        [pooled.share, pooled.roc_area, pooled.agreement], abs=0.006
+    )
     assert fingerprint_of(judged_scans.DEFAULT_FOLDER) in PROFILE.read_text()

@@ -124,9 +124,19 @@ def _geojson(folder: Path) -> Path:
     """Longitude and latitude around 8.4°, 49°; an octagon of many corners is no post."""
     metres = math.radians(1.0) * 6_371_008.8
     rings = [[*ring, ring[0]] for ring in (CORNERS.tolist(), _box_corners().tolist())]
-    east = metres * math.cos(math.radians(49.00001))
-    polygons = [{"type": "Polygon", "coordinates": [[[8.4 + x / east, 49 + y / metres] for x, y in r]]} for r in rings]
-    features = [{"type": "Feature", "properties": {"indoor": "room"}, "geometry": polygon} for polygon in polygons]
+    features = [
+        {
+            "type": "Feature",
+            "properties": {"indoor": "room"},
+            "geometry": {
+                "type": "Polygon",
+                "coordinates": [
+                    [[8.4 + x / metres / math.cos(math.radians(49.00001)), 49 + y / metres] for x, y in ring]
+                ],
+            },
+        }
+        for ring in rings
+    ]
     file = folder / "room.geojson"
     file.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
     return file

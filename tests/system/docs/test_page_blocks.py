@@ -70,8 +70,13 @@ class Reader:
 
     def _serve(self, block: Block, command: Command) -> None:
         words = self._own(command.text).removesuffix("&")
-        command, place = ["bash", "-c", f"exec {words}"], {"cwd": self._shell.folder, "env": self._shell.environment}
-        server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, **place)
+        server = subprocess.Popen(
+            ["bash", "-c", f"exec {words}"],
+            stdout=subprocess.PIPE,
+            text=True,
+            cwd=self._shell.folder,
+            env=self._shell.environment,
+        )
         self._servers.append(server)
         url = server.stdout.readline()
         assert url, f"{block.where}: {command.text}"

@@ -11,8 +11,11 @@ from sonarhw.wire.frames import DELIMITER, Frame, FrameDecoder, encode_frame
 from tests.fixtures.portable_board import AT_ONCE, HELD, PortableBoard
 from tests.fixtures.protocol_document import block
 
-# describe the board, so they differ from those of the fake board
-OF_THE_BOARD = (msg.Info, msg.Capabilities, msg.Settings)
+OF_THE_BOARD = (
+    msg.Info,
+    msg.Capabilities,
+    msg.Settings,
+)  # describe the board, so they differ from those of the fake board
 FULL_TRACE = bytes(range(256)) * 19
 
 
@@ -90,8 +93,11 @@ def test_lost_samples_are_marked_in_their_chunks(board: PortableBoard) -> None:
     for _ in range(2):
         received = board.ask(msg.StartScan(0, 1_000_000, 1, 1, 1), 300_000)
         chunks = [message for message in received if isinstance(message, msg.TraceChunk)]
-        expected = [(0, bytes([0, 255])), (256, bytes([0])), (512, bytes([87]))]
-        assert [(chunk.offset, chunk.lost) for chunk in chunks] == expected
+        assert [(chunk.offset, chunk.lost) for chunk in chunks] == [
+            (0, bytes([0, 255])),
+            (256, bytes([0])),
+            (512, bytes([87])),
+        ]
         assert b"".join(chunk.samples for chunk in chunks) == FULL_TRACE[:600]
 
 

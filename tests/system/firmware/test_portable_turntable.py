@@ -449,8 +449,10 @@ def test_mark_and_motor_inverted_home_at_zero_and_turn_the_other_way(board: Port
 
 def test_the_reach_is_less_than_half_a_turn_and_told(board: PortableBoard) -> None:
     board.ask(msg.Hello(1, 0))
-    expected = (720_000_000, 0)
-    assert (capabilities_of(board).highest_angle, capabilities_of(board).features & msg.Feature.ONE_SWITCH) == expected
+    assert (capabilities_of(board).highest_angle, capabilities_of(board).features & msg.Feature.ONE_SWITCH) == (
+        720_000_000,
+        0,
+    )
     one_switch(board, 0.5)
     able = capabilities_of(board)
     assert (able.lowest_angle, able.highest_angle) == (-175_000_000, 175_000_000)

@@ -38,13 +38,26 @@ class Monkey:
         self._timer = QTimer(window, interval=_PATIENCE)
         self._timer.timeout.connect(self._close_what_waits)
         self._timer.start()
-        self._actions: dict[Callable[[], str], int] = {self._command: 30, self._click: 25, self._key: 15}  # weights
-        self._actions |= {self._dialog: 8, self._drag: 6, self._menu: 6, self._open: 6, self._type: 5, self._choose: 5}
-        self._actions |= {self._wheel: 4, self._scan: 4, self._note: 3, self._resize: 1}
+        self._actions: tuple[tuple[int, Callable[[], str]], ...] = (
+            (30, self._command),
+            (25, self._click),
+            (15, self._key),
+            (6, self._drag),
+            (4, self._wheel),
+            (6, self._menu),
+            (8, self._dialog),
+            (5, self._type),
+            (5, self._choose),
+            (6, self._open),
+            (4, self._scan),
+            (3, self._note),
+            (1, self._resize),
+        )
 
     def act(self) -> str:
         """Carry out one action, and return what it was."""
-        (action,) = self._random.choices([*self._actions], [*self._actions.values()])
+        weights, actions = zip(*self._actions, strict=True)
+        (action,) = self._random.choices(actions, weights)
         self._target = None
         try:
             done = action()

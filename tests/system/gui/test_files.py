@@ -273,8 +273,11 @@ def test_every_convention_of_a_table_is_chosen_with_the_keyboard(asked: Ask) -> 
     fields["no_echo"].selectAll()
     QTest.keyClicks(fields["no_echo"], "9999")
     until(dialog.import_button.isEnabled)
-    expected = [["80.0°", "0.500 m"], ["70.0°", "no echo"], ["60.0°", "0.700 m"]]
-    assert [line[1:] for line in preview(dialog)[1:]] == expected
+    assert [line[1:] for line in preview(dialog)[1:]] == [
+        ["80.0°", "0.500 m"],
+        ["70.0°", "no echo"],
+        ["60.0°", "0.700 m"],
+    ]
     push(dialog.import_button)
     ((path, scan, pose),) = imported
     assert path.name == "turret.csv"

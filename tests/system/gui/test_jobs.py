@@ -147,8 +147,9 @@ def test_closing_does_what_must_be_done_drops_the_rest_and_ends_the_threads(jobs
     held, done, before = Held(), [], working_threads(NEAR)
     jobs.run("held", held, lane="files")
     assert held.begun.wait(HANG)
-    expected = ["sonarhw_gui.jobs.jobs"]
-    assert [module for thread, module in working_threads(NEAR).items() if thread not in before] == expected
+    assert [module for thread, module in working_threads(NEAR).items() if thread not in before] == [
+        "sonarhw_gui.jobs.jobs"
+    ]
     jobs.run("read", done.append, "read", lane="files")
     jobs.run("save", done.append, "saved", lane="files", at_close=True)
     threading.Timer(0.05, held.gate.set).start()

@@ -247,8 +247,11 @@ def test_a_key_brings_its_panel_to_the_front_or_closes_it_there(window: MainWind
         return [name for name, panel in panels.items() if not panel.visibleRegion().isEmpty()]
 
     assert in_front() == []
-    # Device was open, behind the Room dock
-    for pressed, seen in (("F7", ["Device"]), ("F8", ["Room"]), ("F7", ["Device"])):
+    for pressed, seen in (
+        ("F7", ["Device"]),
+        ("F8", ["Room"]),
+        ("F7", ["Device"]),  # it was open, behind the Room dock
+    ):
         key(window, pressed)
         until(lambda seen=seen: in_front() == seen)
         assert [action.text() for action in window.dock_openers if action.isChecked()] == seen

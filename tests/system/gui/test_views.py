@@ -440,8 +440,11 @@ def test_residuals_are_measured_minus_predicted_and_beyond_the_scale_an_arrow(ra
     ui.until(lambda: "residual +400 mm" in box.toolTip())
     ranges.show_state(replace(four, compared=None))
     assert not ranges.beyond[Kind.LONG].isVisible()
-    units = ((LengthUnit.CM, "cm", 100), (LengthUnit.FT, "in", 1 / 0.0254), (LengthUnit.M, "mm", 1000))
-    for unit, small, scale in units:
+    for unit, small, scale in (
+        (LengthUnit.CM, "cm", 100),
+        (LengthUnit.FT, "in", 1 / 0.0254),
+        (LengthUnit.M, "mm", 1000),
+    ):
         ranges.show_state(replace(four, look=Look(unit=unit)))
         left = ranges.residuals.getAxis("left")
         assert ranges.ranges.getAxis("left").labelText == f"range ({unit.label})"

@@ -190,8 +190,9 @@ def test_a_log_without_its_beginning_keeps_its_readings(whole: Path, tmp_path: P
     path.write_bytes(bytes(size) + content[size:])
     log = read_log(path)
     assert log.torn is not None
-    expected = pytest.approx([reading.range for reading in read_log(whole).readings])
-    assert [reading.range for reading in log.readings] == expected
+    assert [reading.range for reading in log.readings] == pytest.approx(
+        [reading.range for reading in read_log(whole).readings]
+    )
     assert log.metadata.made_by in ("unknown", METADATA.made_by)
 
 
@@ -213,8 +214,9 @@ def test_ranges_are_kept_when_the_settings_frames_are_lost(whole: Path, tmp_path
     path.write_bytes(content[:begin] + content[end:])
     log = read_log(path)
     assert log.settings is None
-    expected = pytest.approx([reading.range for reading in read_log(whole).readings])
-    assert [reading.range for reading in log.readings] == expected
+    assert [reading.range for reading in log.readings] == pytest.approx(
+        [reading.range for reading in read_log(whole).readings]
+    )
 
 
 @settings(max_examples=40, deadline=None)

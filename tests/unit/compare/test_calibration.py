@@ -105,8 +105,14 @@ def test_echoes_that_are_alike_by_chance_are_no_own_body(seed: int) -> None:
 
 
 # the largest accepted error of each constant, in its unit
-TOLERANCES = {"gain_step_db": 0.5, "threshold_db": 0.5, "own_burst_db": 1.0, "blanking": 20e-6}
-TOLERANCES |= {key: share * CONSTANTS[key] for key, share in (("aperture_radius", 0.02), ("rise_cycles", 0.05))}
+TOLERANCES = {
+    "aperture_radius": 0.02 * CONSTANTS["aperture_radius"],
+    "gain_step_db": 0.5,
+    "threshold_db": 0.5,
+    "rise_cycles": 0.05 * CONSTANTS["rise_cycles"],
+    "own_burst_db": 1.0,
+    "blanking": 20e-6,
+}
 
 
 def test_what_the_scans_hardly_determine_stays() -> None:

@@ -48,8 +48,11 @@ CHANGES |= {"threshold": -2.5, "aperture": -0.003, "ahead": 0.012, "aside": -0.0
 
 
 HARDEST = ["x", "y", "wall", "reflectances"]
-CASES = [("walls", word) for word in CHANGES] + [("a post", word) for word in HARDEST]
-CASES += [("heights", word) for word in HARDEST[2:]]
+CASES = (
+    [("walls", word) for word in CHANGES]
+    + [("a post", word) for word in HARDEST]
+    + [("heights", word) for word in HARDEST[2:]]
+)
 
 
 @pytest.mark.parametrize(("scene", "word"), CASES)
@@ -101,9 +104,15 @@ def test_silence_of_two_paths_together_has_the_probability_that_random_phases_gi
     together = 20 * np.log10(np.abs(amplitudes)) + random.normal(0, spread, len(phases)) < 0
     # the second path begins an arrival too, which is detected by itself
     alone = second + random.normal(0, spread, len(phases)) < 0
-    images, kinds, back = np.array([[2.0, 0.0], [2.003, 0.0]]), np.full(2, likelihood.ODD, np.int8), (-1.0, 0.0)
-    none, levels = np.zeros((2, 2)), np.array([first, second])
-    paths = likelihood.PathArrays(images, none, none, np.tile(back, (2, 1)), kinds, np.array([2, 2]), levels)
+    paths = likelihood.PathArrays(
+        np.array([[2.0, 0.0], [2.003, 0.0]]),
+        np.zeros((2, 2)),
+        np.zeros((2, 2)),
+        np.tile((-1.0, 0.0), (2, 1)),
+        np.array([likelihood.ODD, likelihood.ODD], np.int8),
+        np.array([2, 2]),
+        np.array([first, second]),
+    )
     silent = likelihood.ScanArrays(np.zeros(1), np.full((1, 1), np.nan), np.zeros(1, np.int64), np.zeros(1, np.bool_))
     board = likelihood.BoardValues(0.0, 1.0, 17.0, 0.0, 0.1, 10.0, 0.0, 1.0, 0.0, (0.0, 0.0), (0.0, 0.0))
     noise = likelihood.ReadingNoise(0.001, spread, 0.0, 1e-9, 1e-9)

@@ -31,8 +31,12 @@ HERE = Place("", (0.3, 0.1))
 def grid_of(*rows: tuple[float, float], cell: float = 0.01, x: float = 0.3) -> map.CertaintyGrid:
     """Return the grid of readings of headings (degrees) and ranges (m) at (`x`, 0.1)."""
     degrees, ranges = zip(*rows, strict=True)
-    scan = PlacedScan(readings_of(np.radians(degrees), ranges), replace(HERE, position=(x, 0.1)))
-    return map.certainty_grid([scan], BOARD, [np.ones(len(rows), np.bool_)], cell)
+    return map.certainty_grid(
+        [PlacedScan(readings_of(np.radians(degrees), ranges), replace(HERE, position=(x, 0.1)))],
+        BOARD,
+        [np.ones(len(rows), np.bool_)],
+        cell,
+    )
 
 
 def polar(grid: map.CertaintyGrid, degrees: float) -> tuple[np.ndarray, np.ndarray]:
@@ -62,9 +66,17 @@ def test_one_reading_gives_the_printed_profiles(degrees: float, far: float) -> N
 
 def test_certainty_outside_the_grid_is_0_and_inside_that_of_the_cell() -> None:
     grid = map.CertaintyGrid(1.0, 2.0, 0.5, np.zeros((2, 3)), np.array([[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]]))
-    x = 1.01, 2.49, 1.01, 2.49, 0.99, 2.51, 1.5, 1.5
-    y = 2.01, 2.01, 2.99, 2.99, 2.5, 2.5, 1.99, 3.01
-    assert grid.at(np.column_stack((x, y))) == pytest.approx([0.1, 0.3, 0.4, 0.6, 0, 0, 0, 0])
+    points = [
+        [1.01, 2.01],
+        [2.49, 2.01],
+        [1.01, 2.99],
+        [2.49, 2.99],
+        [0.99, 2.5],
+        [2.51, 2.5],
+        [1.5, 1.99],
+        [1.5, 3.01],
+    ]
+    assert grid.at(np.array(points)) == pytest.approx([0.1, 0.3, 0.4, 0.6, 0, 0, 0, 0])
     assert grid.extent == (1.0, 2.5, 2.0, 3.0)
 
 

@@ -183,8 +183,16 @@ def test_readings_of_the_own_body_are_in_no_share_region_fit_or_map() -> None:
 
 
 TURNED = Place("", (0.42, 0.42), math.radians(30.0))
-CROOKED = replace(NXT.certain, rounding=0.0, home_angle_deg=-12.0, turntable_scale=1.05, axis_x=0.03, axis_y=-0.02)
-CROOKED = replace(CROOKED, clock_error=0.02, range_offset=-0.02)
+CROOKED = replace(
+    NXT.certain,
+    rounding=0.0,
+    home_angle_deg=-12.0,
+    turntable_scale=1.05,
+    axis_x=0.03,
+    axis_y=-0.02,
+    clock_error=0.02,
+    range_offset=-0.02,
+)
 CROOKED_BOARDS = [CROOKED, replace(CROOKED, mount=Mount(ahead=0.03))]
 
 

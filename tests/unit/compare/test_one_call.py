@@ -172,8 +172,12 @@ def test_arrays_become_readings_with_silence_pings_echoes_and_a_pose() -> None:
     assert [reading.echo_ranges for reading in several.readings] == [
         pytest.approx(echoes) for echoes in ((1.0, 2.0), (1.1,), (3.0, 4.0), ())
     ]
-    expected = [(0.0, 0, 5.0), (0.0, 1, 5.0), (math.pi / 2, 0, 6.0), (math.pi / 2, 1, 6.0)]
-    assert [(reading.angle, reading.ping, reading.time) for reading in several.readings] == expected
+    assert [(reading.angle, reading.ping, reading.time) for reading in several.readings] == [
+        (0.0, 0, 5.0),
+        (0.0, 1, 5.0),
+        (math.pi / 2, 0, 6.0),
+        (math.pi / 2, 1, 6.0),
+    ]
     assert several.pose.heading == math.pi / 2
     masked = np.ma.array([1.0, 2.0, 3.0], mask=[False, True, False])
     assert [reading.range is None for reading in scan_from_arrays(HEADINGS, masked).readings] == [False, True, False]

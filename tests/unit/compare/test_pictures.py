@@ -155,8 +155,13 @@ def test_labels_and_legend_are_inside_the_picture(room_name: str, place: str, bo
     figure = draw_plan(scan, [(0.0, 1.0)])
     figure.canvas.draw()
     picture = np.asarray(figure.canvas.buffer_rgba())[:, :, :3]  # type: ignore[attr-defined]
-    for edge in (picture[:, 0], picture[:, -1], picture[0], picture[-1]):
-        assert (edge == 255).all()
+    for name, edge in {
+        "left": picture[:, 0],
+        "right": picture[:, -1],
+        "top": picture[0],
+        "bottom": picture[-1],
+    }.items():
+        assert (edge == 255).all(), name
 
 
 def legend_of(figure: Figure) -> list[str]:

@@ -64,5 +64,9 @@ def test_additional_post_stands_free_between_the_scanner_and_a_wall(seed: int) -
     wall = min(((wide if dx > 0 else 0) - x) / dx, ((deep if dy > 0 else 0) - y) / dy)
     assert 0.6 <= far / wall <= 0.8
     assert radius / wall == pytest.approx(0.03)
-    open_room = polygon_room([(9.0, 9.0), (9.0, 9.0001)], closed=False)
-    assert with_furniture(open_room, (x, y), np.random.default_rng(seed)).posts.size == 0
+    assert (
+        with_furniture(
+            polygon_room([(9.0, 9.0), (9.0, 9.0001)], closed=False), (x, y), np.random.default_rng(seed)
+        ).posts.size
+        == 0
+    )

@@ -126,8 +126,12 @@ def test_every_key_of_a_board_is_read_and_has_its_default() -> None:
         "clock_error = -0.01\nthreshold_sd_db = 2.5\nrange_sd = 0.004\n"
     )
     board = parse_board(f"{text}{CHIRP}[mount]\nahead = 0.02\naside = -0.01\n", "mine.toml")
-    expected = (Receiver.BOARD, 2.0, 11.0, 6.0)
-    assert (board.receiver, board.rise_cycles, board.ring_cycles, board.own_burst_db) == expected
+    assert (board.receiver, board.rise_cycles, board.ring_cycles, board.own_burst_db) == (
+        Receiver.BOARD,
+        2.0,
+        11.0,
+        6.0,
+    )
     assert (board.integration_cycles, board.gain_steps, board.gain_step_db) == (4.0, (0.002, 0.005), 5.0)
     assert (board.rearm, board.clock_error, board.blanking_end) == (0.0005, -0.01, 0.001)
     assert (board.threshold_sd_db, board.range_sd) == (2.5, 0.004)

@@ -24,14 +24,16 @@ from sonarhw.readings import FloatArray
 
 
 def test_the_key_of_every_kernel_covers_all_it_uses() -> None:
-    found = set()
-    for package in (sonarhw_sim, sonarhw_compare):
-        for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
-            for name, value in vars(importlib.import_module(module.name)).items():
-                if hasattr(value, "py_func"):
-                    assert digest_of(value.py_func)
-                    found.add(name)
-    assert {"_follow", "detected", "log_likelihoods"} <= found
+    kernels = [
+        (name, value)
+        for package in (sonarhw_sim, sonarhw_compare)
+        for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}.")
+        for name, value in vars(importlib.import_module(module.name)).items()
+        if hasattr(value, "py_func")
+    ]
+    assert {"_follow", "detected", "log_likelihoods"} <= {name for name, _ in kernels}
+    for _, kernel in kernels:
+        assert digest_of(kernel.py_func)
 
 
 # Files of compiled code.

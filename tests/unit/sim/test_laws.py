@@ -187,9 +187,12 @@ def test_a_scaled_room_at_a_scaled_wavelength_has_the_same_paths(furnished: Furn
 
 
 def _mapped(furnished: Furnished, motion: Callable[[Floats], Floats]) -> Furnished:
-    walls = motion(furnished.walls.reshape(-1, 2)).reshape(-1, 4)
-    posts = np.column_stack((motion(furnished.posts[:, :2]), furnished.posts[:, 2]))
-    return replace(furnished, walls=walls, posts=posts, places=motion(furnished.places))
+    return replace(
+        furnished,
+        walls=motion(furnished.walls.reshape(-1, 2)).reshape(-1, 4),
+        posts=np.column_stack((motion(furnished.posts[:, :2]), furnished.posts[:, 2])),
+        places=motion(furnished.places),
+    )
 
 
 @settings(max_examples=6, deadline=None)

@@ -46,14 +46,16 @@ def test_sound_repeats_before_a_near_wall(place: str, heading: float, wall: str,
     scan = predict(ROOM.places[place], heading, unit=Unit.REFLECT)
     assert scan.ranges[0] == pytest.approx(trips * away, abs=1e-9)
     assert via(scan, 0) == (wall, *("unit", wall) * (trips - 1))
-    expected = pytest.approx(np.arange(1, trips) * away)
-    assert [echo.range for echo in scan.ping(0).blanked_echoes][: trips - 1] == expected
+    assert [echo.range for echo in scan.ping(0).blanked_echoes][: trips - 1] == pytest.approx(
+        np.arange(1, trips) * away
+    )
 
 
 def test_a_blocking_face_absorbs_the_echo_of_a_parallel_plate() -> None:
     scan = predict(HERE, 0.0, unit=Unit.BLOCK, room=PLATE)
-    expected = pytest.approx([0.15])
-    assert [echo.range for echo in scan.ping(0).blanked_echoes if scan.paths.edges[echo.path] < 0] == expected
+    assert [echo.range for echo in scan.ping(0).blanked_echoes if scan.paths.edges[echo.path] < 0] == pytest.approx(
+        [0.15]
+    )
     assert not [echo for echo in scan.ping(0).echoes if scan.paths.edges[echo.path] < 0]
 
 
@@ -71,8 +73,9 @@ def test_face_off_the_axis_has_the_readings_of_an_axis_there(mount: profile.Moun
         x, y = np.array(place.position) + mount.ahead * ahead + mount.aside * np.array([-ahead[1], ahead[0]])
         alone = predict(replace(place, position=(float(x), float(y))), degrees[k], unit=unit, board=near)
         assert mounted.ranges[k] == pytest.approx(alone.ranges[0], nan_ok=True, abs=1e-9)
-        expected = pytest.approx([e.range for e in alone.ping(0).echoes], abs=1e-9)
-        assert [e.range for e in mounted.ping(k).echoes] == expected
+        assert [e.range for e in mounted.ping(k).echoes] == pytest.approx(
+            [e.range for e in alone.ping(0).echoes], abs=1e-9
+        )
         assert mounted.standpoints[k] == pytest.approx((x, y))
 
 
@@ -117,9 +120,13 @@ def by_wall(ring: profile.Ring, sender: int, listener: int) -> float:
 
 def path_from(scan: PredictedScan, listener: int, sender: int) -> int:
     """Return the row of the path from a sender over the wall straight to a receiver, both as rows of the scan."""
-    from_it = np.isclose(scan.sender_headings, scan.headings[sender], rtol=1e-9, atol=0.0)
-    rows = np.flatnonzero((np.array(scan.only_at) == listener) & from_it)
-    return next(int(k) for k in rows if scan.paths.via(k, scan.room) == ("w[0]",))
+    return next(
+        k
+        for k in range(len(scan.paths))
+        if scan.only_at[k] == listener
+        and math.isclose(scan.sender_headings[k], scan.headings[sender])
+        and scan.paths.via(k, scan.room) == ("w[0]",)
+    )
 
 
 def test_neighbour_is_received_at_the_distance_of_its_mirror_image() -> None:

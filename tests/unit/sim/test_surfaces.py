@@ -103,7 +103,11 @@ def test_edges_equal_those_of_a_search_without_grid(drawn: list[tuple[float, ...
     edges = find_edges(walls, names_of(walls))
     listing = edges_on_walls(edges, walls)
     for k in range(len(walls)):
-        on = {row for row, at in enumerate(edges.points.tolist()) if k in {wall for _, wall in faces_at((*at,), walls)}}
+        on = {
+            row
+            for row, (x, y) in enumerate(edges.points.tolist())
+            if k in {wall for _, wall in faces_at((x, y), walls)}
+        }
         assert set(listing.numbers[listing.starts[k] : listing.starts[k + 1]].tolist()) == on
 
 

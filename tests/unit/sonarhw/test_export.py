@@ -83,8 +83,12 @@ def exported(notes: dict[int, str]) -> str:
 
 
 def test_each_reading_is_a_line_with_its_time_in_the_scan() -> None:
-    expected = ["time_s,heading_deg,range_m,echoes_s", "0.5,30,1.7,0.01;0.02", "0.75,0,,", "0,30,1.7,0.01;0.02"]
-    assert exported({}).splitlines() == expected
+    assert exported({}).splitlines() == [
+        "time_s,heading_deg,range_m,echoes_s",
+        "0.5,30,1.7,0.01;0.02",
+        "0.75,0,,",
+        "0,30,1.7,0.01;0.02",
+    ]
 
 
 def test_notes_are_a_last_column_as_a_spreadsheet_reads_it() -> None:

@@ -46,8 +46,11 @@ def test_the_profile_has_offset_and_home_angle(tmp_path: Path, capsys: pytest.Ca
     assert profile.name == "bench"
     assert profile.range_offset == pytest.approx(0.008, abs=0.001)
     assert profile.home_angle_deg == pytest.approx(-2.0, abs=0.26)
-    expected = (shipped.frequency, shipped.blanking, shipped.threshold_db)
-    assert (profile.frequency, profile.blanking, profile.threshold_db) == expected
+    assert (profile.frequency, profile.blanking, profile.threshold_db) == (
+        shipped.frequency,
+        shipped.blanking,
+        shipped.threshold_db,
+    )
     assert "# m, measured minus true; before: 0\n" in profile.text
     # again, with the written profile: its keys are replaced, not added
     assert calibrated(out, "--board", str(out), "--force") == 2

@@ -46,8 +46,11 @@ def test_raw_traces_are_readings_a_step_apart(tmp_path: Path, suffix: str) -> No
     assert run(["import", str(file), "--out", str(tmp_path / "out.mcap"), *options]) == 0
     readings = read_log(tmp_path / "out.mcap").readings
     assert degrees(readings) == pytest.approx([45, 35, 25], abs=1e-5)
-    expected = [(pytest.approx(1e-3, abs=1.1e-5),), (pytest.approx(2e-3, abs=1.1e-5),), ()]
-    assert [one.echo_times for one in readings] == expected
+    assert [one.echo_times for one in readings] == [
+        (pytest.approx(1e-3, abs=1.1e-5),),
+        (pytest.approx(2e-3, abs=1.1e-5),),
+        (),
+    ]
     for reading, samples in zip(readings, pulses(), strict=True):
         assert reading.trace.carrier
         assert reading.trace.rate == pytest.approx(100_000)

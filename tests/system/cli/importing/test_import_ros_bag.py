@@ -33,8 +33,12 @@ def messages(store: Any, ros1: bool) -> list[tuple[str, str, Any]]:
     extra = {"variance": 0.0} if "variance" in sonar.__dataclass_fields__ else {}
     limits = {"radiation_type": 0, "field_of_view": 0.5, "min_range": 0.02, "max_range": 4.0}
     pings = [sonar(header=stamped(store, 2, ros1), **limits, range=far, **extra) for far in (0.75, 5.0)]
-    sides = zip(("/sonar/left", "/sonar/right"), pings, strict=True)
-    return [*2 * [("/scan", scan.__msgtype__, sweep)], *((topic, sonar.__msgtype__, ping) for topic, ping in sides)]
+    return [
+        ("/scan", scan.__msgtype__, sweep),
+        ("/scan", scan.__msgtype__, sweep),
+        ("/sonar/left", sonar.__msgtype__, pings[0]),
+        ("/sonar/right", sonar.__msgtype__, pings[1]),
+    ]
 
 
 def fill(writer: Any, store: Any, ros1: bool) -> None:
@@ -75,15 +79,17 @@ def test_scans_are_sweeps_and_sonars_are_a_step_apart(tmp_path: Path, kind: Any)
     assert readings[5].time - readings[0].time == pytest.approx(1.0, abs=1e-5)
     left = imported(bag, "--topic", "/sonar/left", "--step", "90")
     right = imported(bag, "--topic", "/sonar/right", "--step", "90")
-    expected = [(pytest.approx(90, abs=1e-5), pytest.approx(0.75, abs=1e-6)), (pytest.approx(180, abs=1e-5), None)]
-    assert [(math.degrees(one.angle), one.range) for one in (*left, *right)] == expected
+    assert [(math.degrees(one.angle), one.range) for one in (*left, *right)] == [
+        (pytest.approx(90, abs=1e-5), pytest.approx(0.75, abs=1e-6)),
+        (pytest.approx(180, abs=1e-5), None),
+    ]
     assert len(imported(bag, "--step", "90")) == 12
     assert run(["import", str(bag), "--out", str(tmp_path / "all.mcap")]) == 2  # where the sensors point is unknown
 
 
 def moving(store: Any, ros1: bool, framed: bool) -> list[tuple[str, str, Any]]:
     """Poses at 0 and 4 s around the messages above: of odometry, or of frames that are turned by 90° in the map."""
-    kinds, moves = store.types, ((0.0, 3.1), (2.0, 3.1 + 0.4))
+    kinds = store.types
     vector, quaternion = kinds["geometry_msgs/msg/Vector3"], kinds["geometry_msgs/msg/Quaternion"]
 
     def turned(yaw: float) -> Any:
@@ -98,14 +104,28 @@ def moving(store: Any, ros1: bool, framed: bool) -> list[tuple[str, str, Any]]:
             return stamped_kind(header, child, transform(vector(x, 0.0, 0.0), turned(yaw)))
 
         many = kinds["tf2_msgs/msg/TFMessage"]
-        fixed = frame("map", "odom", 5.0, math.pi / 2)
-        return [("/tf", many.__msgtype__, many([fixed, frame("odom", "base_link", *at)])) for at in moves]
+        return [
+            (
+                "/tf",
+                many.__msgtype__,
+                many([frame("map", "odom", 5.0, math.pi / 2), frame("odom", "base_link", x, yaw)]),
+            )
+            for x, yaw in ((0.0, 3.1), (2.0, 3.1 + 0.4))
+        ]
     pose, point = kinds["geometry_msgs/msg/Pose"], kinds["geometry_msgs/msg/Point"]
     placed, moved = kinds["geometry_msgs/msg/PoseWithCovariance"], kinds["geometry_msgs/msg/TwistWithCovariance"]
     still = moved(kinds["geometry_msgs/msg/Twist"](vector(0.0, 0.0, 0.0), vector(0.0, 0.0, 0.0)), np.zeros(36))
     odometry = kinds["nav_msgs/msg/Odometry"]
-    poses = [placed(pose(point(x, 0.0, 0.0), turned(yaw)), np.zeros(36)) for x, yaw in moves]
-    return [("/odom", odometry.__msgtype__, odometry(stamped(store, 0, ros1), "base", at, still)) for at in poses]
+    return [
+        (
+            "/odom",
+            odometry.__msgtype__,
+            odometry(
+                stamped(store, 0, ros1), "base", placed(pose(point(x, 0.0, 0.0), turned(yaw)), np.zeros(36)), still
+            ),
+        )
+        for x, yaw in ((0.0, 3.1), (2.0, 3.1 + 0.4))
+    ]
 
 
 @pytest.mark.parametrize("ros1", [True, False], ids=["ROS 1", "ROS 2"])

@@ -77,8 +77,9 @@ def test_a_jog_turns_the_table_before_a_home() -> None:
         for angle in (0.0, 8.0, -3.0):
             assert scanner.jog(np.radians(angle)) is Outcome.DONE
             list(scanner.scan(pings_in_place(1)))
-    expected = pytest.approx([100 - 0.6, 108 - 0.6, 105 - 0.6], abs=0.7)
-    assert np.degrees([ping.angle for ping in echoes.pings]) == expected
+    assert np.degrees([ping.angle for ping in echoes.pings]) == pytest.approx(
+        [100 - 0.6, 108 - 0.6, 105 - 0.6], abs=0.7
+    )
 
 
 def test_the_table_is_at_rest_at_the_reported_angle_during_a_ping() -> None:

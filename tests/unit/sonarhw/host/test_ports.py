@@ -26,9 +26,16 @@ def plugged(monkeypatch: pytest.MonkeyPatch) -> list[ListPortInfo]:
 
 
 def test_only_known_usb_adapters_are_taken_for_scanners(plugged: list[ListPortInfo]) -> None:
-    plugged += [port("/dev/b", *MEGA, "1", "1-1"), port("/dev/a", *[None] * 3, ""), port("/dev/c", 1, 2, "3", "1-2")]
-    expected = [("/dev/a", None), ("/dev/b", KNOWN_USB_IDS[MEGA]), ("/dev/c", None)]
-    assert [(found.device, found.known) for found in serial_ports()] == expected
+    plugged += [
+        port("/dev/b", *MEGA, "1", "1-1"),
+        port("/dev/a", None, None, None, ""),
+        port("/dev/c", 1, 2, "3", "1-2"),
+    ]
+    assert [(found.device, found.known) for found in serial_ports()] == [
+        ("/dev/a", None),
+        ("/dev/b", KNOWN_USB_IDS[MEGA]),
+        ("/dev/c", None),
+    ]
 
 
 @pytest.mark.parametrize("linked", [False, True], ids=["by its name", "by a link to it"])

@@ -66,11 +66,16 @@ def continued() -> Conversation:
     whole = conversation(began=5.0)
     third = whole.index(reading_frames(2, 5.0)[0])
     rest = replace(REQUEST, first=2)
-    info = frame_of(Info(20, 1, 1, "fake", "", "", 2000, 50_000, 3200, boot=2), time=0.5)
-    again = [(False, frame_of(Hello(1, 1), 20)), (True, info), SETTINGS, (False, frame_of(rest, 22))]
-    frames = [frame for number in (2, 3) for frame in reading_frames(number, 1.0)]
-    last = (True, frame_of(Finished(22, 0, 4, ""), time=3.0))
-    return [SETTINGS, *whole[:third], *again, (True, frame_of(Started(22, 2, 2), time=1.0)), *frames, last]
+    again = [
+        (False, frame_of(Hello(1, 1), 20)),
+        (True, frame_of(Info(20, 1, 1, "fake", "", "", 2000, 50_000, 3200, boot=2), time=0.5)),
+        SETTINGS,
+        (False, frame_of(rest, 22)),
+        (True, frame_of(Started(22, 2, 2), time=1.0)),
+        *(frame for number in (2, 3) for frame in reading_frames(number, 1.0)),
+        (True, frame_of(Finished(22, 0, 4, ""), time=3.0)),
+    ]
+    return [SETTINGS, *whole[:third], *again]
 
 
 def repeated() -> Conversation:
@@ -125,8 +130,9 @@ def assert_equal(one: Log, other: Log) -> None:
     assert len(one.frames) == len(other.frames) == len([*one.frames])
     assert len(one.scans) == len(other.scans)
     for mine, theirs in zip(one.scans, other.scans, strict=True):
-        expected = (theirs.began, theirs.expected, theirs.settings, theirs.finished)
-        assert (mine.began, mine.expected, mine.settings, mine.finished) == expected
+        assert (mine.began, mine.expected, mine.settings, mine.finished) == (
+            (theirs.began, theirs.expected, theirs.settings, theirs.finished)
+        )
         for a, b in zip(mine.readings, theirs.readings, strict=True):
             assert repr(replace(a, trace=None)) == repr(replace(b, trace=None))  # repr, because NaN does not equal NaN
             assert (a.trace is None) == (b.trace is None)

@@ -12,8 +12,13 @@ from sonarhw.text.numbers import Printed
 from sonarhw.text.proposals import propose
 
 WORDS = (
-    *(("Angle", "Distance"), ("Winkel", "Abstand"), ("Ángulo", "Distancia"), ("Açı", "Uzaklık")),
-    *(("Hoek", "Afstand"), ("Angolo", "Distanza"), ("Kąt", "Odległość")),
+    ("Angle", "Distance"),
+    ("Winkel", "Abstand"),
+    ("Ángulo", "Distancia"),
+    ("Açı", "Uzaklık"),
+    ("Hoek", "Afstand"),
+    ("Angolo", "Distanza"),
+    ("Kąt", "Odległość"),
 )
 UNITS = {"cm": 0.01, "mm": 0.001, "m": 1.0, "in": 0.0254, "ft": 0.3048}
 DIGITS = {"cm": 0, "mm": 0, "m": 3, "in": 1, "ft": 2}

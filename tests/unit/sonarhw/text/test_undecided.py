@@ -81,14 +81,23 @@ def test_several_numbers_that_may_be_the_same_quantity_are_a_question(line: str,
 @pytest.mark.parametrize(("layout", "read"), READ.items(), ids=map(repr, READ))
 def test_marks_and_names_are_not_mistaken(layout: tuple[str, str], read: str) -> None:
     form, end = layout
-    whole = ""
-    for k, a in enumerate(ANGLES):
-        far, silent = 100 + 36.7 * k % 80, k % 9 == 4
-        given = {"angle": a, "range": far, "inches": far / 2.54, "signed": far if k % 3 else -1, "time": 20 * (k % 100)}
-        given |= {"start": "S " if a == 0 else "", "clock": f"14:02:{0.055 * k:09.6f}"}
-        given |= {"words": "fuori portata" if silent else f"{far:.0f} cm", "zero": "0" if silent else f"{far:.0f} mm"}
-        given |= {"banner": "" if k else "Booting... v1.2\n", "sentence": sentence(f"SONAR,{a},{far:.1f},cm")}
-        whole += form.format(**given) + end
+    texts = [
+        form.format(
+            angle=a,
+            range=(distance := 100 + 36.7 * k % 80),
+            inches=distance / 2.54,
+            signed=distance if k % 3 else -1,
+            time=20 * (k % 100),
+            start="S " if a == 0 else "",
+            clock=f"14:02:{0.055 * k:09.6f}",
+            words="fuori portata" if k % 9 == 4 else f"{distance:.0f} cm",
+            zero="0" if k % 9 == 4 else f"{distance:.0f} mm",
+            banner="Booting... v1.2\n" if k == 0 else "",
+            sentence=sentence(f"SONAR,{a},{distance:.1f},cm"),
+        )
+        for k, a in enumerate(ANGLES)
+    ]
+    whole = "".join(text + end for text in texts)
     proposal = propose(f"{whole}{ANGLES[0]},7".encode() if read == "csv" else whole.encode(), True)  # the last is cut
     assert (proposal.layout.preset or proposal.layout.pattern) == read
     assert len(proposal.readings) >= len(ANGLES)
@@ -165,12 +174,19 @@ NUMBERS = {  # a line, and the question about it; none where its ranges are read
 @pytest.mark.parametrize(("line", "question"), NUMBERS.items())
 def test_numbers_of_any_notation_are_read_or_are_a_question(line: str, question: str) -> None:
     ranges = [700 + 47 * a * a % 1900 for a in ANGLES]
-    lines = []
-    for a, r in zip(ANGLES, ranges, strict=True):
-        others = {"yards": r / 914.4, "range_us": r + 800, "far": r + 1000}
-        lines.append(
-            line.format(a=a, r=r, german=f"{r:_}".replace("_", "."), spaced=f"{r:_}".replace("_", " "), **others)
+    texts = {r: f"{r:,}" for r in ranges}
+    lines = [
+        line.format(
+            a=a,
+            r=r,
+            german=texts[r].replace(",", "."),
+            spaced=texts[r].replace(",", " "),
+            yards=r / 914.4,
+            range_us=r + 800,
+            far=r + 1000,
         )
+        for a, r in zip(ANGLES, ranges, strict=True)
+    ]
     proposal = propose("\n".join(lines).encode(), True)
     assert question in " ".join(map(str, proposal.questions))
     assert proposal.decided != bool(question)

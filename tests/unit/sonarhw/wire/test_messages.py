@@ -24,8 +24,14 @@ from sonarhw.wire.frames import DELIMITER, Frame, FrameDecoder, encode_frame
 from sonarhw.wire.limits import MAX_ECHOES, MAX_PAYLOAD, MAX_TEST
 from tests.fixtures.protocol_document import DOCUMENT, block, rows
 
-RANGES = {"B": (0, 2**8), "H": (0, 2**16), "I": (0, 2**32), "Q": (0, 2**64)}
-RANGES |= {"h": (-(2**15), 2**15), "i": (-(2**31), 2**31)}
+RANGES = {
+    "B": (0, 2**8),
+    "H": (0, 2**16),
+    "I": (0, 2**32),
+    "Q": (0, 2**64),
+    "h": (-(2**15), 2**15),
+    "i": (-(2**31), 2**31),
+}
 
 
 def values(wire: msg.Wire) -> st.SearchStrategy[Any]:
@@ -41,8 +47,12 @@ def values(wire: msg.Wire) -> st.SearchStrategy[Any]:
             return st.binary(max_size=256)
 
 
-KINDS = msg.FROM_HOST + msg.FROM_DEVICE
-messages = st.one_of([st.builds(kind, *(values(item.metadata["wire"]) for item in fields(kind))) for kind in KINDS])
+messages = st.one_of(
+    [
+        st.builds(kind, *(values(item.metadata["wire"]) for item in fields(kind)))
+        for kind in msg.FROM_HOST + msg.FROM_DEVICE
+    ]
+)
 
 
 @given(messages, st.binary(max_size=20))
@@ -163,13 +173,22 @@ def test_exactly_the_existing_messages_are_documented() -> None:
     assert {int(kind, 16): name for name, kind in documented} == {kind: m.__name__ for kind, m in msg.BY_TYPE.items()}
 
 
-CODES = [msg.State, msg.Outcome, msg.Zero, msg.Refusal, msg.TraceKind, msg.Approach, msg.ResetCause]
-CODES += [msg.Feature, msg.Input, msg.Wiring]
-
-
-@pytest.mark.parametrize("codes", CODES)
-def test_tables_of_codes_match_the_code(codes: type[IntEnum]) -> None:
-    title = f"{codes.__name__.removesuffix('Kind').removesuffix('Cause')} codes"
+@pytest.mark.parametrize(
+    ("title", "codes"),
+    [
+        ("State codes", msg.State),
+        ("Outcome codes", msg.Outcome),
+        ("Zero codes", msg.Zero),
+        ("Refusal codes", msg.Refusal),
+        ("Trace codes", msg.TraceKind),
+        ("Approach codes", msg.Approach),
+        ("Reset codes", msg.ResetCause),
+        ("Feature codes", msg.Feature),
+        ("Input codes", msg.Input),
+        ("Wiring codes", msg.Wiring),
+    ],
+)
+def test_tables_of_codes_match_the_code(title: str, codes: type[IntEnum]) -> None:
     assert [(int(row[0]), row[1]) for row in rows(title)] == [(code.value, code.name) for code in codes]
 
 
@@ -231,8 +250,11 @@ def widest(item: Field[Any]) -> int | bytes:
 
 
 def test_every_frame_in_the_conversation_decodes_to_the_message_above_it() -> None:
-    entry = r"^(host  |device)  #(\d+) at (\d+) us  (\w+\(.*\))\n((?:        (?:[0-9A-F]{2} ?)+\n)+)"
-    entries = re.findall(entry, block("conversation"), re.M)
+    entries = re.findall(
+        r"^(host  |device)  #(\d+) at (\d+) us  (\w+\(.*\))\n((?:        (?:[0-9A-F]{2} ?)+\n)+)",
+        block("conversation"),
+        re.M,
+    )
     assert len(entries) == block("conversation").count(" at ")
     for side, sequence, time, message, wire in entries:
         (frame,) = FrameDecoder().feed(bytes.fromhex(wire))
@@ -247,10 +269,17 @@ def test_the_fake_board_repeats_the_documented_conversation_byte_for_byte() -> N
 
 def conversation() -> str:
     """Return the conversation with the present fake board; paste it into the document if the protocol has changed."""
-    times = 0.0, 0.001, 0.002, 0.004, 0.1, 0.34, 0.342, 0.344, 0.346
-    sent = [msg.Hello(1, 2), msg.AskCapabilities(), msg.Configure(20_000, 2_380, 1, 343_200), msg.Home()]
-    sent += [msg.StartScan(0, 10_000_000, 2, 1, 1), msg.Resend(1, 1), msg.Turn(800_000_000)]
-    commands = zip(times, [*sent, msg.AskStatistics(), msg.Stop()], strict=True)
+    commands = [
+        (0.000, msg.Hello(1, 2)),
+        (0.001, msg.AskCapabilities()),
+        (0.002, msg.Configure(20_000, 2_380, 1, 343_200)),
+        (0.004, msg.Home()),
+        (0.100, msg.StartScan(0, 10_000_000, 2, 1, 1)),
+        (0.340, msg.Resend(1, 1)),
+        (0.342, msg.Turn(800_000_000)),
+        (0.344, msg.AskStatistics()),
+        (0.346, msg.Stop()),
+    ]
     board = FakeBoard(DocumentedRoom(), seed=TRANSCRIPT_SEED)
     lines = []
     for sequence, (time, message) in enumerate(commands, start=1):
