@@ -144,22 +144,15 @@ def predict_case(case: Case, cache: PathCache) -> PredictedScan:
 
 def columns_of(scan: PredictedScan) -> ScanColumns:
     """Return the columns of a scan."""
-    echo = scan.winners >= 0
-    winners = scan.winners[echo]
-
-    def at_echoes(values: FloatArray) -> FloatArray:
-        filled = np.full(len(echo), np.nan)
-        filled[echo] = values
-        return filled
-
+    paths, echo = scan.reported_paths, scan.winners >= 0
     return ScanColumns(
         # rounded as in the output of all commands
         np.asarray(np.round(np.degrees(scan.headings), 9), dtype=np.float64),
         scan.ranges,
-        at_echoes(scan.paths.lengths[winners]),
-        at_echoes(np.array([scan.ping(int(k)).level_of_reading for k in np.flatnonzero(echo)])),
-        at_echoes(scan.paths.bounces[winners].astype(np.float64)),
-        at_echoes((scan.paths.edges[winners] >= 0).astype(np.float64)),
+        paths.lengths,
+        paths.levels,
+        np.where(echo, paths.bounces, np.nan),
+        np.where(echo, paths.edges >= 0, np.nan),
         _axis_distances(scan),
     )
 

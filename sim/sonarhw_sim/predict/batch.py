@@ -7,6 +7,7 @@ searched up to a short length first, and farther only at poses and headings whos
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +23,7 @@ from sonarhw_sim.board.signal import RATE, pulse_table
 from sonarhw_sim.compiled import compiled, rows_in_parts
 from sonarhw_sim.predict.predicted_scan import (
     KEPT_BELOW_THRESHOLD,
+    ReportedPaths,
     faintest_kept,
     is_blanked,
     loud_enough,
@@ -76,6 +78,7 @@ def loaded_board(board: Board | Path | str) -> Board:
     room=ROOM,
     board=BOARD,
     levels=arguments.flag,
+    paths=arguments.flag,
     degrees=arguments.flag,
     height=arguments.number(unit="m"),
     options=arguments.instance(PredictionOptions, "PredictionOptions"),
@@ -87,16 +90,18 @@ def predict_ranges(
     board: Board | Path | str = DEFAULT_BOARD,
     *,
     levels: bool = False,
+    paths: bool = False,
     degrees: bool = False,
     height: float | None = None,
     options: PredictionOptions | None = None,
-) -> FloatArray | tuple[FloatArray, FloatArray]:
+) -> FloatArray | tuple[FloatArray | ReportedPaths, ...]:
     """Return the range that a board reports at each of many poses and headings, (n, m) float, m; NaN without an echo.
 
     `poses` (n, 3) are x and y in m and the heading in rad, counter-clockwise from x; without headings, (n, 2), these
     are 0. `headings` (m,) rad are relative to that of the pose, by default a whole turn in steps of 5 degrees, or those
     of the sensors of a ring. With `degrees`, all headings are degrees. `height` (m) of the transducer includes floor
-    and ceiling. With `levels`, also the level of the loudest arrival over the threshold is returned, (n, m) dB.
+    and ceiling. `levels` adds the level of the loudest arrival over the threshold, (n, m) dB, and `paths` the paths
+    that gave the readings (`ReportedPaths`: lengths, levels, surfaces, edges), (n, m) each; the result is then a tuple.
 
     The poses share the cores. Memory is needed for the result and the paths of some poses on each core. Ranges are
     those of `predict`, but for 0.1 % at the border between two echoes, because fewer rays are followed. From a
@@ -111,13 +116,16 @@ def predict_ranges(
     if height is not None:
         room.check_height(height)
     angles = angles_of(headings, profile, degrees)
-    if not levels and height is None and _is_planar(room, profile, options or PredictionOptions()):
+    if not (levels or paths) and height is None and _is_planar(room, profile, options or PredictionOptions()):
         sensors = sensors_of(room, profile, angles)
         if sensors is not None:
             return _in_plan(room, np.column_stack((rows[:, :2], turns)), sensors, profile, options)
     places = [Place("", (x, y), turn, height) for x, y, turn in np.column_stack((rows[:, :2], turns)).tolist()]
-    ranges, over = _one_by_one(room, places, angles, profile, options or _options_of(profile), levels)
-    return (ranges, over) if levels else ranges
+    ranges, over, *reported = _one_by_one(room, places, angles, profile, options or _options_of(profile), levels, paths)
+    more: list[FloatArray | ReportedPaths] = [over] if levels else []
+    if paths:
+        more.append(ReportedPaths(*reported).trimmed())
+    return (ranges, *more) if more else ranges
 
 
 def angles_of(headings: ArrayLike | None, board: Board, degrees: bool) -> FloatArray:
@@ -128,23 +136,42 @@ def angles_of(headings: ArrayLike | None, board: Board, degrees: bool) -> FloatA
 
 
 def _one_by_one(
-    room: Room, places: list[Place], angles: FloatArray, board: Board, options: PredictionOptions, levels: bool
-) -> tuple[FloatArray, FloatArray]:
-    """Return the ranges and, with `levels`, the levels over the threshold of single predictions, (n, m) each."""
+    room: Room,
+    places: list[Place],
+    angles: FloatArray,
+    board: Board,
+    options: PredictionOptions,
+    levels: bool,
+    paths: bool,
+) -> list[NDArray[Any]]:
+    """Return the ranges, levels over the threshold and `ReportedPaths` of single predictions, (n, m) each.
 
-    def predicted(begin: int, end: int) -> tuple[FloatArray, FloatArray]:
-        ranges = np.full((end - begin, len(angles)), np.nan)
-        over = np.full((end - begin, len(angles) if levels else 0), -np.inf)
+    Without `levels` and `paths`, these have no columns.
+    """
+    of_levels, of_paths = (len(angles) if wanted else 0 for wanted in (levels, paths))
+
+    def predicted(begin: int, end: int) -> tuple[NDArray[Any], ...]:
+        count = end - begin
+        ranges, over = np.full((count, len(angles)), np.nan), np.full((count, of_levels), -np.inf)
+        reported = ReportedPaths(
+            np.full((count, of_paths), np.nan),
+            np.full((count, of_paths), np.nan),
+            np.full((count, of_paths, options.max_bounces), -1, dtype=np.int32),
+            np.full((count, of_paths), -1, dtype=np.int32),
+        )
         for row, place in enumerate(places[begin:end]):
             faced = board.faced(place)
             scan = predict_scan(room, faced, board, faced.heading + board.turned(angles), options)
             ranges[row] = scan.ranges
             if levels:
                 over[row] = scan.over_threshold
-        return ranges, over
+            if paths:
+                here = scan.reported_paths
+                reported.lengths[row], reported.levels[row], reported.edges[row] = here.lengths, here.levels, here.edges
+                reported.surfaces[row, :, : here.surfaces.shape[-1]] = here.surfaces
+        return ranges, over, *reported
 
-    ranges, over = rows_in_parts(predicted, len(places), _LEAST_POSES)
-    return ranges, over
+    return rows_in_parts(predicted, len(places), _LEAST_POSES)
 
 
 def _is_planar(room: Room, board: Board, options: PredictionOptions) -> bool:

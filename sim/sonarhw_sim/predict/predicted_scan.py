@@ -349,6 +349,24 @@ _SAME_PLACE = 1e-4  # m and rad, more than the rounding of a room file
 _FREQUENCIES = 25  # at which the reflections of a path are multiplied
 
 
+class ReportedPaths(NamedTuple):
+    """The paths that gave readings, in the shape of the readings."""
+
+    lengths: FloatArray  # m, of each path; NaN: no echo
+    levels: FloatArray  # dB, of the arrival that gave each reading; NaN: no echo
+    surfaces: NDArray[np.int32]  # (..., b): reflecting walls and posts, in order, rows of `room.names`, padded with -1
+    edges: NDArray[np.int32]  # diffracting edge, a row of the room's edges; -1: none
+
+    @property
+    def bounces(self) -> NDArray[np.int32]:
+        """Number of reflections of each path; 0 without an echo."""
+        return np.asarray((self.surfaces >= 0).sum(axis=-1), dtype=np.int32)
+
+    def trimmed(self) -> "ReportedPaths":
+        """Return the same with as many columns of `surfaces` as the most reflections."""
+        return self._replace(surfaces=self.surfaces[..., : self.bounces.max(initial=0)].copy())
+
+
 @dataclass(frozen=True, eq=False)
 class PredictedScan(Table):
     """The readings that a board is predicted to report. Scans are equal if all their values are equal."""
@@ -400,6 +418,21 @@ class PredictedScan(Table):
             "bounces": bounces[self.winners],
             "via": names,
         }
+
+    @cached_property
+    def reported_paths(self) -> ReportedPaths:
+        """The paths that gave the readings, (n,) each."""
+        echo, levels = self.winners >= 0, np.full(len(self.headings), np.nan)
+        levels[echo] = [self.ping(k).level_of_reading for k in np.flatnonzero(echo).tolist()]
+        paths, winners = self.paths, self.winners[echo]
+        lengths, edges = np.full(len(echo), np.nan), np.full(len(echo), -1, dtype=np.int32)
+        surfaces = np.full((len(echo), paths.surfaces.shape[1]), -1, dtype=np.int32)
+        lengths[echo], edges[echo], surfaces[echo] = (
+            paths.lengths[winners],
+            paths.edges[winners],
+            paths.surfaces[winners],
+        )
+        return ReportedPaths(lengths, levels, surfaces, edges)
 
     @cached_property
     def apparent_lengths(self) -> FloatArray:

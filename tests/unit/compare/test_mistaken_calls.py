@@ -60,7 +60,7 @@ ARGUMENTS = {
     "number": "height spacing step heading offset temperature temperature_c start_deg step_deg",
     "share": "cell heading_deviation noise room_tolerance speed_of_sound",
     "whole": "particles seed pings samples max_bounces workers count",
-    "flag": "degrees levels exact find overwrite closed reflectances diffraction",
+    "flag": "degrees levels paths exact find overwrite closed reflectances diffraction",
     "function": "progress connect",
     "file": "path folder",
     "text": "sweeps spec url",
@@ -81,7 +81,7 @@ RIGHT: dict[str, Any] = {
 }
 CALLS: dict[Callable[..., Any], str] = {
     sonarhw.predict: "room place board headings degrees model options",
-    sonarhw.predict_ranges: "room poses board headings degrees levels height options",
+    sonarhw.predict_ranges: "room poses board headings degrees levels paths height options",
     sonarhw.range_table: "room board spacing step progress",
     sonarhw.load_range_table: "file room board",
     sonarhw.log_likelihood: "room poses headings ranges board degrees cell receiver",

@@ -10,7 +10,7 @@ from sonarhw_sim import Mount, Ring
 from sonarhw_sim.air import Air, Model, Receiver, Unit, absorption
 from sonarhw_sim.board.beam import beam, beam_gain, beam_table, sums_of_arrivals, together
 from sonarhw_sim.board.profile import Board, load_board
-from sonarhw_sim.predict.predicted_scan import PredictedScan, nearest_paths
+from sonarhw_sim.predict.predicted_scan import PredictedScan, ReportedPaths, nearest_paths
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, predict_with
 from sonarhw_sim.predict.room_echoes import plate_echo
 from sonarhw_sim.room.room import Place, Room, load_room, with_material
@@ -286,6 +286,32 @@ def test_a_ring_has_its_own_headings_and_levels_are_over_the_threshold() -> None
     ranges, levels = sonarhw.predict_ranges(room, poses_in(room, 2, seed=5), board=ring, levels=True)
     assert ranges.shape == levels.shape == (2, 6)
     assert ((levels >= 0) == np.isfinite(ranges)).mean() > 0.98
+
+
+@pytest.mark.parametrize(("room", "height"), [("laboratory", None), ("doorstep", 0.3)])
+def test_paths_of_many_poses_are_those_of_single_predictions(room: str, height: float | None) -> None:
+    loaded, board = sonarhw.load_room(room), sonarhw.load_board("polaroid-6500")
+    poses = poses_in(loaded, 3, seed=8)
+    ranges, levels, paths = sonarhw.predict_ranges(loaded, poses, TWELVE, board, levels=True, paths=True, height=height)
+    assert isinstance(paths, ReportedPaths)
+    for row, (x, y, turn) in enumerate(poses.tolist()):
+        place = board.faced(sonarhw.Place("", (x, y), turn, height))
+        scan = sonarhw.predict(loaded, place, board, place.heading + board.turned(TWELVE))
+        pings = [scan.ping(k) for k in range(len(TWELVE))]
+        assert np.array_equal(ranges[row], scan.ranges, equal_nan=True)
+        assert np.array_equal(levels[row], scan.over_threshold)
+        for k, winner in enumerate(scan.winners.tolist()):
+            surfaces = [loaded.names[surface] for surface in paths.surfaces[row, k] if surface >= 0]
+            if winner < 0:
+                assert not surfaces
+                assert np.isnan([paths.lengths[row, k], paths.levels[row, k]]).all()
+                continue
+            assert paths.lengths[row, k] == scan.paths.lengths[winner]
+            assert paths.levels[row, k] == pings[k].level_of_reading
+            assert len(surfaces) == paths.bounces[row, k] == scan.paths.bounces[winner]
+            assert set(surfaces) <= set(scan.paths.via(winner, loaded))
+    assert paths.bounces.max() > 1
+    assert (paths.edges >= 0).any()
 
 
 def test_noise_that_hides_the_echoes_gives_a_warning() -> None:
