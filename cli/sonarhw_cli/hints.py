@@ -29,6 +29,7 @@ from sonarhw_cli.refused_line import (
     meant,
     nearest,
     option_named,
+    option_with_output,
     options_writing,
     without_space,
     written_elsewhere,
@@ -39,11 +40,13 @@ _SHORTENED = 3  # letters of a command at least, such as `sim`
 _OPTION_ALIKE, _VERY_ALIKE = 0.8, 0.85  # similarity of options of this command and of others
 _MOST_FILES = 1000  # of a folder that are compared with a name
 # parts of words such as --room-file
-_VAGUE = ("also", "each", "every", "file", "from", "name", "only", "path", "print", "the", "with", "write")
-_MOST_ALIKE, _FEW, _MOST_LISTED = 6, 12, 24  # options with the same start, and those of a command
+_VAGUE = ("also", "each", "every", "file", "from", "name", "only", "path", "print", "such", "the", "with", "write")
+_LIMITS = ("max", "min")  # --min-range is no --range
+_MOST_ALIKE = 6  # options with the same start
 _UNIT = re.compile(r"(degrees|metres|seconds|Hz|°C|m/s)\b")
 _PLACE = re.compile(r"[a-z]\w*|-?[\d.]+(,-?[\d.]+){1,2}")
-_RATE = re.compile(r"\d{4,}")  # of a serial port
+# usual rates of serial ports
+_RATE = re.compile("(?:12|24|48|96|144|192|288|384|576|768|1152|2304|2500|4608|5000|9216|10000)00|31250|74880")
 # what a word without a command is given to, by its kind
 _FIRST_COMMANDS = {
     "log": "gui {}",
@@ -145,6 +148,8 @@ def _about_argument(message: str, line: RefusedLine) -> str:
         hint = "write them in this order"
     elif value.startswith("--"):
         hint = "arguments stand without an option before them"
+    elif message.startswith("Missing option") and (output := option_with_output(line.arguments[-1], line)):
+        hint = f"write `{output}`"
     elif message.startswith("Missing argument") and (taken := first(_taken_by_option(line))):
         hint = taken
     elif message.startswith("Missing ") and any(re.search(r":.+\?\w+=[^&]*$", word) for word in line.arguments[-1:]):
@@ -307,7 +312,8 @@ def _options_for(unknown: _UnknownOption) -> Iterator[str]:
         yield line.argument_expected or ("" if line.has_argument else meant(f"{line.path} {unknown.value}"))
     names = [f"--{word}", f"--{word.removesuffix('s')}"] if len(word) > 1 else []
     yield from (meant(name) for name in names if name in line.options)
-    for instead in (*_formats(unknown), line.instead_of(word)):
+    baud = line.instead_of("baud") if _RATE.fullmatch(unknown.value) else ""
+    for instead in (*_formats(unknown), baud, line.instead_of(word)):
         yield joined(instead, line.see) if instead else ""
     yield meant(option_taking(word, line.context))
     if not unknown.close:
@@ -315,11 +321,10 @@ def _options_for(unknown: _UnknownOption) -> Iterator[str]:
         yield from map(meant, _options_by_value(unknown))
     if {*unknown.parts} & {*other_words.SAVE} and unknown.value:
         yield meant(option_taking(unknown.value, line.context))
-    yield first(meant(line.written(f"--{part}")) for part in unknown.parts if f"--{part}" in line.options)
+    if not {*unknown.parts} & {*_LIMITS}:
+        yield first(meant(line.written(f"--{part}")) for part in unknown.parts if f"--{part}" in line.options)
     for instead in map(line.instead_of, (word.removesuffix("s"), *unknown.parts)):
         yield joined(instead, line.see) if instead else ""
-    if _RATE.fullmatch(unknown.value):
-        yield line.instead_of("baud")
     yield meant(*_longer(unknown)) or meant(*unknown.close)
 
 
@@ -367,7 +372,7 @@ def _other_answers_for(unknown: _UnknownOption) -> Iterator[str]:
     yield from behind
     if line.is_program and not unknown.elsewhere:
         yield from (meant(f"sonarhw {command}") for command in _commands_for(word, line) if command)
-    yield line.argument_expected
+    yield "" if NUMBERS.fullmatch(unknown.value) else line.argument_expected
     if not os.path.isfile(unknown.value):
         yield about_format(Path(unknown.value).suffix.removeprefix(".").lower(), line)
     yield meant(option_taking(unknown.value, line.context)) if unknown.value else ""
@@ -385,8 +390,7 @@ def _last_answer(unknown: _UnknownOption) -> str:
     if not (about or where) and word in other_words.COMMANDS and word not in other_words.ANY:
         about = f"`sonarhw {other_words.COMMANDS[word]}` does this"
     listed = f"its options: {', '.join(sorted(line.options))}" if line.options else f"`{line.path}` has no options"
-    is_listed = not (about or line.is_program) and len(line.options) <= (_FEW if where else _MOST_LISTED)
-    return joined(about, where, listed if is_listed else line.see)
+    return joined(about, where, line.see if about or where or line.is_program else listed)
 
 
 def _about_word(unknown: _UnknownOption) -> str:
@@ -505,8 +509,8 @@ def _uses_of(extra: _Extra) -> Iterator[str]:
         yield joined(f"it takes one {line.accepted[0].metavar}: run it once for each", several)
     yield first(f"leave out {other}" for other in extra.others if other in other_words.ANY)
     for other in extra.others:
-        if taking := option_taking(other, line.context):
-            yield f"give it with `{taking}`"
+        if taking := option_taking(other, line.context) or option_with_output(other, line):
+            yield f"write `{' '.join([line.path, *extra.same, taking])}`"
     if "LOG" in line.usage and Path(word).suffix != ".mcap" and os.path.isfile(word):
         yield f"`sonarhw import {word} --out LOG.mcap` converts a scan of another program"
     if not extra.same:
@@ -639,7 +643,7 @@ def _missing_output(word: str, line: RefusedLine) -> str:
     """Return the option for a file to write, which a command with many arguments takes for one to read."""
     is_last = line.arguments[-1] == word and not line.arguments[-2].startswith("-")
     is_one_of_many = is_last and any(argument.nargs != 1 for argument in line.accepted)
-    taking = option_taking(word, line.context) if is_one_of_many and "--out" not in line.arguments else ""
+    taking = option_with_output(word, line) if is_one_of_many and "--out" not in line.arguments else ""
     return f"to write it, use `{taking}`" if taking else ""
 
 

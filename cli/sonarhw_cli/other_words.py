@@ -69,6 +69,11 @@ _OTHER_OPTIONS = (
     _Instead("without an option, `sonarhw ports` lists all", "a all l list", "PORT", option="--guess"),
     _Instead("the rate stands in the URL: `'lines:/dev/ttyUSB0?baud=9600&preset=NAME'`", "baud baudrate b", "URL"),
     _Instead(
+        "the scanner sets the time from ping to ping, which `sonarhw info URL` prints",
+        "delay fps hz period rate",
+        "URL",
+    ),
+    _Instead(
         "its address is --tcp HOST:PORT; the URL of the scanner stands without an option before it",
         "address host listen p port",
         "URL",
@@ -123,6 +128,11 @@ _OTHER_OPTIONS = (
     ),
     _Instead("the unit stands in the URL: `'lines:/dev/ttyUSB0?preset=NAME&unit=cm'`", "unit units", "URL"),
     _Instead("pings at each heading are --pings", "average averages mean repetitions samples shots"),
+    _Instead(
+        "all paths are listed, the shortest first; --max-range and --max-bounces leave out others",
+        "count first head limit max-paths n num number paths shortest top",
+        option="--faintest",
+    ),
     _Instead("the farthest range is --max-range, in metres", "distance limit max-dist max-distance maximum range"),
     _Instead("the time for reconnecting is --reconnect, in seconds", "timeout wait"),
     _Instead(
@@ -131,7 +141,11 @@ _OTHER_OPTIONS = (
         option="--find-missing",
     ),
     _Instead("`sonarhw turn URL DEG` turns to an angle before it", _HEADING, "URL", option="--count"),
-    _Instead("paths at all headings are listed", _HEADING, option="--faintest"),
+    _Instead(
+        "paths at all headings lead from --place back to it",
+        f"angles end from goal receiver sector source start step stop target to {_HEADING}",
+        option="--faintest",
+    ),
     _Instead(
         "the headings of a scan are --from, --to and --step; that of the sensor is the third number of --place X,Y,DEG",
         _HEADING,
@@ -146,6 +160,10 @@ _OTHER_OPTIONS = (
     _Instead("the protocol is --foxglove", "http mqtt protocol ros ros2 rosbridge udp websocket ws"),
     _Instead("it is served with --pty LINK or --tcp HOST:PORT", "com device link serial socket tty"),
     _Instead("the direction of the angle 0 is --heading-zero", "angle-offset offset rotate rotation shift zero"),
+    _Instead(
+        "no reading is left out; the range that means no echo is --no-echo",
+        "clip cutoff filter limit max max-distance median min min-distance min-range outliers smooth",
+    ),
     _Instead("the range that means no echo is --no-echo", "inf invalid max-range missing na nan none null"),
     _Instead("the speed of sound is --speed-of-sound", "air c sound-speed temp temperature"),
     _Instead("clockwise is a negative --step, such as --from 360 --to 0 --step -5", "ccw clockwise cw flip reverse"),

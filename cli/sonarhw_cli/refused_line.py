@@ -11,6 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import dropwhile, pairwise, takewhile
+from pathlib import Path
 from typing import Any
 
 import typer
@@ -222,6 +223,13 @@ def options_writing(word: str, command: Any, line: RefusedLine) -> list[str]:
         elif re.search(rf"[|.]{word}\b", about):
             writers.append(f"{name} FILE.{word}")
     return writers
+
+
+def option_with_output(word: str, line: RefusedLine) -> str:
+    """Return the option that writes a file of this name, with the name; empty for an existing file and other words."""
+    ending = Path(word).suffix.removeprefix(".").lower()
+    writers = options_writing(ending, line.context.command, line) if ending and not os.path.exists(word) else []
+    return f"{writers[0].partition(' ')[0]} {shlex.quote(word)}" if writers else ""
 
 
 # Options and their values.
