@@ -28,6 +28,7 @@ A message states what is wrong, where, what was expected, and what to do. It fit
 import json
 import math
 import unicodedata
+from collections.abc import Iterable
 from enum import IntEnum
 
 
@@ -165,6 +166,31 @@ def counted(count: int, noun: str) -> str:
 def counted_are(count: int, noun: str) -> str:
     """Return a count as the begin of a sentence: `1 reading is`, `2 readings are`."""
     return f"{counted(count, noun)} {'is' if count == 1 else 'are'}"
+
+
+# suggestions for misspelt names: `; did you mean 'center'?`
+
+
+_ALIKE = 0.7  # similarity from 0 to 1; 'pressure' and 'pressure_kpa' have 0.8
+_MOST_LETTERS = 100  # longer words are not compared: the time is quadratic
+
+
+def near_misses(word: str, words: Iterable[str]) -> list[str]:
+    """Return the one or two known names that begin with a word, else the most similar one; none if none is similar."""
+    from difflib import get_close_matches  # only for a word that is refused
+
+    names = {name.casefold(): name for name in words}
+    longer = [name for key, name in names.items() if key.startswith(word.casefold())] if len(word) > 1 else []
+    if len(longer) in (1, 2):
+        return longer
+    close = get_close_matches(word.casefold(), names, n=1, cutoff=_ALIKE) if len(word) <= _MOST_LETTERS else []
+    return [names[key] for key in close]
+
+
+def did_you_mean(word: str, words: Iterable[str]) -> str:
+    """Return `; did you mean 'NAME'?` for the most similar of the known names, or an empty text."""
+    near = near_misses(word, words)
+    return f"; did you mean {' or '.join(map(repr, near))}?" if near else ""
 
 
 # cells of CSV

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from itertools import product
 from urllib.parse import unquote
 
-from sonarhw.errors import InputError
+from sonarhw.errors import InputError, did_you_mean
 from sonarhw.link import READ_PATIENCE, Link, PortFinder
 from sonarhw.plugins.device_plugin import DeviceIdentity, DevicePlugin, Measurement
 from sonarhw.readings import ScanOrder
@@ -80,7 +80,7 @@ def _values(url: str, query: str) -> dict[str, str]:
     pairs = [part.partition("=") for part in query.split("&") if part]
     values = {unquote(key): unquote(value) for key, _, value in pairs}
     if unknown := sorted(set(values) - set(_KEYS)):
-        meant = next((f"; did you mean {key}?" for key in _KEYS if unknown[0].startswith(key)), ";")
+        meant = did_you_mean(unknown[0], _KEYS) or ";"
         raise InputError(f"{url}: unknown key {', '.join(unknown)}{meant} known: {', '.join(_KEYS)}")
     if len(values) < len(pairs):
         raise InputError(f"{url}: a key occurs twice; give each key once")

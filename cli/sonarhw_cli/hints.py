@@ -68,6 +68,11 @@ _DIVIDED_URLS = (
     (r"((?:fake|lines):[^?]+) (\w+=.+)", "'{}?{}'"),
     (r"((?:fake|lines):.+) (\w+=.+)", "'{}&{}'"),
 )
+# commands that list what an argument names
+_LISTS = {
+    **dict.fromkeys(("URL", "PORT"), "`sonarhw ports` lists the scanners"),
+    "ROOM": "`sonarhw room list` lists the shipped rooms",
+}
 _HELP = ("?", "about", "docs", "examples", "h", "help", "license", "man", "manual", "tutorial", "usage")
 _OF_A_FILE = {"log": "info", "profile": "check", "room": "check"}  # the command of a group that describes a file
 # phrases in the messages of the option parser about numbers, and their replacements
@@ -140,21 +145,27 @@ def _about_argument(message: str, line: RefusedLine) -> str:
     if message.startswith("Missing argument") and len(line.accepted) > 1 and NUMBERS.match(line.arguments[-1]):
         # the parser takes a number for the first argument, and misses the last
         message = f"Missing argument '{line.accepted[0].metavar}'"
-    hint = "`sonarhw ports` lists the scanners" if re.match("Missing argument '(URL|PORT)'", message) else ""
-    if message.startswith("Missing argument 'ROOM'"):
-        hint = "`sonarhw room list` lists the shipped rooms"
+    return joined(message, f"expected `{line.usage}`", first(_hints_about_argument(message, line)), line.see)
+
+
+def _hints_about_argument(message: str, line: RefusedLine) -> Iterator[str]:
+    """Yield what to write for a missing or invalid argument, or a missing option, the most probable first."""
     value = message.partition(" ")[2].partition(": expected")[0]
+    missing = first(re.findall(r"^Missing (?:argument|option) '([^']+)'", message))
+    last = " ".join(line.arguments[-1:])
     if kind_of(value) == "URL":
-        hint = "write them in this order"
-    elif value.startswith("--"):
-        hint = "arguments stand without an option before them"
-    elif message.startswith("Missing option") and (output := option_with_output(line.arguments[-1], line)):
-        hint = f"write `{output}`"
-    elif message.startswith("Missing argument") and (taken := first(_taken_by_option(line))):
-        hint = taken
-    elif message.startswith("Missing ") and any(re.search(r":.+\?\w+=[^&]*$", word) for word in line.arguments[-1:]):
-        hint = "write a URL with & in quotes, because the shell reads it as the end of the command"
-    return joined(message, f"expected `{line.usage}`", hint, line.see)
+        yield "write them in this order"
+    if value.startswith("--"):
+        yield "arguments stand without an option before them"
+    if missing in line.options:
+        yield f"write `{output}`" if (output := option_with_output(last, line)) else ""
+        is_printed = "standard output" in (line.options[missing].help or "")
+        yield f"`{missing} -` writes to standard output" if is_printed else ""
+    elif missing:
+        yield from _taken_by_option(line)
+    if missing and re.search(r":.+\?\w+=[^&]*$", last):
+        yield "write a URL with & in quotes, because the shell reads it as the end of the command"
+    yield _LISTS.get(missing, "")
 
 
 def _taken_by_option(line: RefusedLine) -> Iterator[str]:

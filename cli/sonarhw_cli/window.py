@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from sonarhw_sim.air import DEFAULT_BOARD, Receiver
 
-from sonarhw.errors import InputError, MissingExtra, json_text
+from sonarhw.errors import InputError, MissingExtra, did_you_mean, json_text
 from sonarhw.files import atomic_file
 from sonarhw_cli.inputs import at_height, resolve
 from sonarhw_cli.options import LOG, ROOM_NAME, ForceFiles, Height, PlaceName, ReceiverChoice, print_line
@@ -146,7 +146,6 @@ def _kind(source: str) -> str:
 
     if is_fake(source) or is_plugin(source) or "://" in source:
         return ""
-    from sonarhw_sim.files import did_you_mean
     from sonarhw_sim.room.room import room_names
 
     if source in room_names():

@@ -10,7 +10,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sonarhw.errors import InputError
+from sonarhw.errors import InputError, did_you_mean
 from sonarhw.files import MOST_FOREIGN, open_input
 from sonarhw.text.words import ColumnKind, meaning_of, words_of
 
@@ -139,7 +139,8 @@ def import_format(file: Path, rate: float | None, name: str = "") -> ImportForma
     if name:
         named = next((kind for kind in FORMATS if kind.name == name), None)
         if named is None:
-            raise InputError(f"format {name!r}: expected {', '.join(kind.name for kind in FORMATS)}")
+            names = [kind.name for kind in FORMATS]
+            raise InputError(f"format {name!r}: expected {', '.join(names)}{did_you_mean(name, names)}")
         return named
     if file.is_dir():
         if any(part.suffix in (".mcap", ".db3") for part in file.iterdir()) or (file / "metadata.yaml").exists():

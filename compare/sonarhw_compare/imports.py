@@ -16,10 +16,9 @@ from typing import Literal
 
 import numpy as np
 from sonarhw_sim.board.profile import Board, without_own_body
-from sonarhw_sim.files import did_you_mean
 
 from sonarhw import arguments
-from sonarhw.errors import InputError, counted
+from sonarhw.errors import InputError, counted, did_you_mean
 from sonarhw.files import open_input
 from sonarhw.log import LogMetadata, read_log
 from sonarhw.mean_ranges import MOST_PINGS, are_means, unit_of

@@ -20,7 +20,7 @@ from sonarhw.device.faults import NO_FAULTS, Faults, FaultyDevice, faulty_identi
 from sonarhw.device.protocol import Device
 from sonarhw.device.replayed_log import ReplayDevice
 from sonarhw.device.served import Pace, read_pace, serve
-from sonarhw.errors import InputError
+from sonarhw.errors import InputError, did_you_mean
 from sonarhw.host.scanner import Scanner
 from sonarhw.host.session import PATIENCE, RECONNECT, Recorder
 from sonarhw.link import PortFinder
@@ -73,7 +73,8 @@ def read_fake_url(url: str) -> FakeUrl:
         raise InputError(f"{url}: write ? before the first key; did you mean '{url.replace('&', '?', 1)}'?")
     values = dict(parse_qsl(query, keep_blank_values=True))
     if unknown := sorted(set(values) - set(_KEYS)):
-        raise InputError(f"{url}: unknown key {', '.join(unknown)}; known: {', '.join(_KEYS)}")
+        hint = did_you_mean(unknown[0], _KEYS) or ";"
+        raise InputError(f"{url}: unknown key {', '.join(unknown)}{hint} known: {', '.join(_KEYS)}")
     return FakeUrl(
         room=room,
         place=values.get("place"),

@@ -6,9 +6,8 @@ import operator
 import os
 import re
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, TypeVar, get_args
@@ -16,31 +15,8 @@ from typing import Any, TypeVar, get_args
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic.fields import FieldInfo
 
-from sonarhw.errors import InputError
+from sonarhw.errors import InputError, did_you_mean, near_misses
 from sonarhw.files import open_input
-
-# suggestions for misspelt names: `; did you mean 'center'?`
-
-
-_ALIKE = 0.6  # similarity from 0 to 1; 'pressure' and 'pressure_kpa' have 0.8
-_MOST_LETTERS = 100  # longer words are not compared: the time is quadratic
-
-
-def near_misses(word: str, words: Iterable[str]) -> list[str]:
-    """Return the one or two known names that begin with a word, else the most similar one; none if none is similar."""
-    names = {name.casefold(): name for name in words}
-    longer = [name for key, name in names.items() if key.startswith(word.casefold())] if len(word) > 1 else []
-    if len(longer) in (1, 2):
-        return longer
-    close = get_close_matches(word.casefold(), names, n=1, cutoff=_ALIKE) if len(word) <= _MOST_LETTERS else []
-    return [names[key] for key in close]
-
-
-def did_you_mean(word: str, words: Iterable[str]) -> str:
-    """Return `; did you mean 'NAME'?` for the most similar of the known names, or an empty text."""
-    near = near_misses(word, words)
-    return f"; did you mean {' or '.join(map(repr, near))}?" if near else ""
-
 
 # TOML files, checked against a model; an error is one line that names the file and the key
 

@@ -10,7 +10,7 @@ from enum import Enum
 
 from sonarhw import arguments
 from sonarhw.device.fake_board import BoardIdentity, FakeBoard, WiringFault, read_wiring_faults
-from sonarhw.errors import InputError
+from sonarhw.errors import InputError, did_you_mean
 from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
 from sonarhw.wire.messages import Accepted, Info, MessageError, ReadingMessage
 
@@ -89,7 +89,8 @@ def read_faults(spec: str) -> Faults:
             size = _size(_KINDS[name], value, entry) if equals else _KINDS[name].size
             events.append(_timed(Event(_KINDS[name], size), moment, entry) if separator else Event(_KINDS[name], size))
         elif name not in _LASTING:
-            raise InputError(f"unknown fault {name!r}; expected one of {', '.join(KNOWN)}")
+            hint = did_you_mean(name, KNOWN) or ";"
+            raise InputError(f"unknown fault {name!r}{hint} expected one of {', '.join(KNOWN)}")
         elif separator or name in lasting:
             raise InputError(f"fault {entry!r}: {name} is permanent; specify it once, without a time")
         else:

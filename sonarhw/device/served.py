@@ -270,7 +270,8 @@ def host_and_port(address: str) -> tuple[str, int]:
     """Return host and port of HOST:PORT; the default host is 127.0.0.1. Raises InputError."""
     host, colon, port = address.rpartition(":")
     if not colon or not (port.isascii() and port.isdecimal() and len(port) <= 5) or int(port) > 0xFFFF:
-        raise InputError(f"{address}: expected HOST:PORT, such as 127.0.0.1:0 (port 0 selects a free port)")
+        free = f"127.0.0.1:{address}" if address.isascii() and address.isdecimal() else "127.0.0.1:0"
+        raise InputError(f"{address}: expected HOST:PORT, such as {free} (port 0 selects a free port)")
     return host or "127.0.0.1", int(port)
 
 

@@ -5,7 +5,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
-from sonarhw.errors import InputError
+from sonarhw.errors import InputError, did_you_mean
 from sonarhw.text.numbers import LINE_ENDS, LineFormat, Read, Units, ends_of
 from sonarhw.text.patterns import FIELD, MatchingProcess, check_regex, parse_template, regex_format, template_format
 from sonarhw.text.tables import ColumnNames, csv_format, json_format
@@ -167,7 +167,8 @@ class Layout:
             which = "give only one of them" if self.preset else f"{', '.join(PRESETS)}; {_GUESS}"
             raise InputError(f"expected preset=NAME or pattern=PATTERN: {which}")
         if self.preset and self.preset not in PRESETS:
-            raise InputError(f"preset={self.preset}: expected {', '.join(PRESETS)}")
+            hint = did_you_mean(self.preset, PRESETS)
+            raise InputError(f"preset={self.preset}: expected {', '.join(PRESETS)}{hint}")
         if self.preset and self.ends:
             raise InputError("ends: only with a pattern; remove it")
         prints_angle, needs_step, states_unit = self._properties()
@@ -219,7 +220,7 @@ def layout_of(values: Mapping[str, str]) -> Layout:
 def one_of(key: str, value: str, choices: tuple[str, ...]) -> str:
     """Return a value. Raises InputError unless it is one of the choices."""
     if value not in choices:
-        raise InputError(f"{key}={value}: expected {', '.join(choices)}")
+        raise InputError(f"{key}={value}: expected {', '.join(choices)}{did_you_mean(value, choices)}")
     return value
 
 

@@ -6,10 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.files import did_you_mean
 from sonarhw_sim.room.room import Place, Room
 
-from sonarhw.errors import InputError
+from sonarhw.errors import InputError, did_you_mean
 from sonarhw_compare.fit import quantities
 
 # Parameters of a fit: a free quantity, the scan, material or wall that it belongs to, its bounds and its prior.

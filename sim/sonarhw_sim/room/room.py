@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw import arguments
-from sonarhw.errors import InputError, counted
+from sonarhw.errors import InputError, counted, did_you_mean
 from sonarhw.readings import FloatArray, same_values
 from sonarhw_sim.air import Air
-from sonarhw_sim.files import SHIPPED_ROOMS, did_you_mean, parse_toml
+from sonarhw_sim.files import SHIPPED_ROOMS, parse_toml
 from sonarhw_sim.room.edges import Edges, EdgesByHeight, edges_on_walls, find_edges, find_edges_by_height
 from sonarhw_sim.room.grid import Listing, Surfaces, lay_grid, only
 from sonarhw_sim.room.room_file import (

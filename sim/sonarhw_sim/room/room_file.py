@@ -10,7 +10,8 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from sonarhw_sim.files import TomlModel, about, did_you_mean, quoted
+from sonarhw.errors import did_you_mean
+from sonarhw_sim.files import TomlModel, about, quoted
 
 MEETING = 1e-6  # m; wall ends closer than this meet
 MAX_COORDINATE = 1e6  # m; beyond, rounding would move walls
