@@ -385,6 +385,58 @@ def detected(
     return nearest
 
 
+class ArrivalLevels(NamedTuple):
+    """Amplitudes of arrivals at headings, (n,) each; 0 without one."""
+
+    of_readings: FloatArray  # of the arrival that gave the reading
+    loudest: FloatArray  # of the loudest arrival in time
+
+
+@compiled
+def arrival_levels(
+    headings: FloatArray,
+    of_heading: NDArray[np.intp],
+    paths: PathsAndBeam,
+    in_time: BoolArray,
+    winners: NDArray[np.intp],
+    begins_with_winner: bool,
+    all_arrivals: bool,
+) -> ArrivalLevels:
+    """Return the amplitudes of arrivals at each heading (n,) rad; `winners` (n,) are the paths of the readings, or -1.
+
+    The paths at a heading are those from one row up to another, `of_heading` (n, 2). The arrival of a reading begins
+    with its path, or else is the first one that is loud enough and has it as its loudest path. Without `all_arrivals`,
+    `loudest` is not complete.
+    """
+    leaving, arriving, strengths, sets, blocked, threshold, ka, table = paths
+    of_readings, loudest = np.zeros(headings.shape[0]), np.zeros(headings.shape[0])
+    amplitudes = np.empty(strengths.shape[0])
+    for k in range(headings.shape[0]):
+        x, y, winner = math.cos(headings[k]), math.sin(headings[k]), winners[k]
+        first, last = of_heading[k, 0], of_heading[k, 1]
+        if not all_arrivals and winner < 0:
+            continue
+        if not all_arrivals and begins_with_winner:
+            first, last = winner, winner + 1
+        weighed = 0
+        for path in range(first, last):
+            begin, end = sets.begins[path], sets.ends[path]
+            _weigh(leaving, arriving, strengths, blocked, ka, table, max(begin, weighed), end, k, x, y, amplitudes)
+            weighed = max(weighed, end)
+            level, loudest_path = abs(amplitudes[path]), path
+            if level >= sets.faintest or (begins_with_winner and path == winner):
+                level, loudest_path = _sum_of(amplitudes, sets.phasors, begin, end), _loudest_of(amplitudes, begin, end)
+            if in_time[path]:
+                loudest[k] = max(loudest[k], level)
+            if path == winner and of_readings[k] == 0.0:
+                of_readings[k] = level
+            if not begins_with_winner and loudest_path == winner and in_time[path] and level >= threshold:
+                of_readings[k], winner = level, -1
+                if not all_arrivals:
+                    break
+    return ArrivalLevels(of_readings, loudest)
+
+
 def every_path(headings: int, paths: int) -> NDArray[np.intp]:
     """Return the rows of all paths for each heading, (n, 2), as `detected` takes them."""
     return np.tile(np.array([0, paths], np.intp), (headings, 1))

@@ -5,9 +5,10 @@ searched up to a short length first, and farther only at poses and headings whos
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,7 +17,7 @@ from sonarhw import arguments
 from sonarhw.errors import InputError
 from sonarhw.readings import BoolArray, FloatArray
 from sonarhw_sim.air import DEFAULT_BOARD, Receiver, Unit
-from sonarhw_sim.board.beam import PathsAndBeam, Sought, amplitudes_at, beam_table, detected, together
+from sonarhw_sim.board.beam import PathsAndBeam, Sought, amplitudes_at, arrival_levels, beam_table, detected, together
 from sonarhw_sim.board.profile import Board, largest_gain, load_board, with_body
 from sonarhw_sim.board.receiver import Sound, first_echoes
 from sonarhw_sim.board.signal import RATE, pulse_table
@@ -24,10 +25,12 @@ from sonarhw_sim.compiled import compiled, rows_in_parts
 from sonarhw_sim.predict.predicted_scan import (
     KEPT_BELOW_THRESHOLD,
     ReportedPaths,
+    decibels,
     faintest_kept,
     is_blanked,
     loud_enough,
     pairs_heard,
+    paths_of_readings,
     strengths,
     turned,
 )
@@ -116,16 +119,20 @@ def predict_ranges(
     if height is not None:
         room.check_height(height)
     angles = angles_of(headings, profile, degrees)
-    if not (levels or paths) and height is None and _is_planar(room, profile, options or PredictionOptions()):
+    placed = np.column_stack((rows[:, :2], turns))
+    wanted = _Wanted(levels, paths, (options or PredictionOptions()).max_bounces)
+    sensors = None
+    if height is None and _is_planar(room, profile, options or PredictionOptions()):
         sensors = sensors_of(room, profile, angles)
-        if sensors is not None:
-            return _in_plan(room, np.column_stack((rows[:, :2], turns)), sensors, profile, options)
-    places = [Place("", (x, y), turn, height) for x, y, turn in np.column_stack((rows[:, :2], turns)).tolist()]
-    ranges, over, *reported = _one_by_one(room, places, angles, profile, options or _options_of(profile), levels, paths)
-    more: list[FloatArray | ReportedPaths] = [over] if levels else []
+    if sensors is not None:
+        readings = _in_plan(room, placed, sensors, profile, options or _options_of(profile), wanted)
+    else:
+        places = [Place("", (x, y), turn, height) for x, y, turn in placed.tolist()]
+        readings = _one_by_one(room, places, angles, profile, options or _options_of(profile), wanted)
+    more: list[FloatArray | ReportedPaths] = [readings.over_threshold] if levels else []
     if paths:
-        more.append(ReportedPaths(*reported).trimmed())
-    return (ranges, *more) if more else ranges
+        more.append(readings.paths.trimmed())
+    return (readings.ranges, *more) if more else readings.ranges
 
 
 def angles_of(headings: ArrayLike | None, board: Board, degrees: bool) -> FloatArray:
@@ -135,43 +142,87 @@ def angles_of(headings: ArrayLike | None, board: Board, degrees: bool) -> FloatA
     return np.radians(np.arange(0, 360, STEP)) if board.ring is None else board.ring.headings(Place("", (0.0, 0.0)))
 
 
+@dataclass(frozen=True)
+class _Wanted:
+    """What is wanted beside ranges."""
+
+    levels: bool
+    paths: bool
+    most_bounces: int
+
+
+class _Readings(NamedTuple):
+    """Readings of n poses at m headings, to be filled in; what is not wanted has no columns."""
+
+    ranges: FloatArray  # (n, m), m; NaN: no echo
+    over_threshold: FloatArray  # (n, m), dB, of the loudest arrival in time
+    paths: ReportedPaths
+
+    @classmethod
+    def empty(cls, poses: int, headings: int, wanted: _Wanted) -> "_Readings":
+        of_levels, of_paths = (headings if is_wanted else 0 for is_wanted in (wanted.levels, wanted.paths))
+        return cls(
+            np.full((poses, headings), np.nan),
+            np.full((poses, of_levels), -np.inf),
+            ReportedPaths.empty((poses, of_paths), wanted.most_bounces),
+        )
+
+    def of_poses(self, count: int) -> "_Readings":
+        """Return these readings of single sensors as those of so many poses."""
+        ranges, over_threshold, paths = self
+        lengths, levels, surfaces, edges = paths
+        most = surfaces.shape[-1]
+        return _Readings(
+            ranges.reshape(count, -1),
+            over_threshold.reshape(count, -1),
+            ReportedPaths(
+                lengths.reshape(count, -1),
+                levels.reshape(count, -1),
+                surfaces.reshape(count, -1, most),
+                edges.reshape(count, -1),
+            ),
+        )
+
+    def fill(self, rows: slice, other: "_Readings") -> None:
+        """Set the readings of the poses in `rows` to others."""
+        self.ranges[rows], self.over_threshold[rows] = other.ranges, other.over_threshold
+        self.paths.fill((rows,), other.paths)
+
+
+def _in_parts(count: int, of_part: Callable[[int, int], _Readings]) -> _Readings:
+    """Return the readings of `of_part(begin, end)` for all of `count` poses."""
+
+    def as_arrays(begin: int, end: int) -> tuple[NDArray[Any], ...]:
+        part = of_part(begin, end)
+        return part.ranges, part.over_threshold, *part.paths
+
+    ranges, over_threshold, *paths = rows_in_parts(as_arrays, count, _LEAST_POSES)
+    return _Readings(ranges, over_threshold, ReportedPaths(*paths))
+
+
 def _one_by_one(
     room: Room,
     places: list[Place],
     angles: FloatArray,
     board: Board,
     options: PredictionOptions,
-    levels: bool,
-    paths: bool,
-) -> list[NDArray[Any]]:
-    """Return the ranges, levels over the threshold and `ReportedPaths` of single predictions, (n, m) each.
+    wanted: _Wanted,
+) -> _Readings:
+    """Return the readings of single predictions."""
 
-    Without `levels` and `paths`, these have no columns.
-    """
-    of_levels, of_paths = (len(angles) if wanted else 0 for wanted in (levels, paths))
-
-    def predicted(begin: int, end: int) -> tuple[NDArray[Any], ...]:
-        count = end - begin
-        ranges, over = np.full((count, len(angles)), np.nan), np.full((count, of_levels), -np.inf)
-        reported = ReportedPaths(
-            np.full((count, of_paths), np.nan),
-            np.full((count, of_paths), np.nan),
-            np.full((count, of_paths, options.max_bounces), -1, dtype=np.int32),
-            np.full((count, of_paths), -1, dtype=np.int32),
-        )
+    def predicted(begin: int, end: int) -> _Readings:
+        readings = _Readings.empty(end - begin, len(angles), wanted)
         for row, place in enumerate(places[begin:end]):
             faced = board.faced(place)
             scan = predict_scan(room, faced, board, faced.heading + board.turned(angles), options)
-            ranges[row] = scan.ranges
-            if levels:
-                over[row] = scan.over_threshold
-            if paths:
-                here = scan.reported_paths
-                reported.lengths[row], reported.levels[row], reported.edges[row] = here.lengths, here.levels, here.edges
-                reported.surfaces[row, :, : here.surfaces.shape[-1]] = here.surfaces
-        return ranges, over, *reported
+            readings.ranges[row] = scan.ranges
+            if wanted.levels:
+                readings.over_threshold[row] = scan.over_threshold
+            if wanted.paths:
+                readings.paths.fill((row,), scan.reported_paths)
+        return readings
 
-    return rows_in_parts(predicted, len(places), _LEAST_POSES)
+    return _in_parts(len(places), predicted)
 
 
 def _is_planar(room: Room, board: Board, options: PredictionOptions) -> bool:
@@ -239,7 +290,8 @@ class _Batch:
     receivers: FloatArray | None  # (n, 2), m; None: as the positions
     headings: FloatArray  # (n, m), rad in the room
     turns: bool  # whether the paths from a place serve all headings; else it has one
-    distances: FloatArray  # (n, m), m, at detection; NaN: no echo. To be filled in
+    wanted: _Wanted
+    readings: _Readings  # (n, m), with ranges at detection. To be filled in
     open: BoolArray  # (n, m): whether a reading is not known yet. To be filled in
 
     @property
@@ -249,29 +301,29 @@ class _Batch:
 
 
 def _in_plan(
-    room: Room, poses: FloatArray, sensors: Sensors, board: Board, options: PredictionOptions | None
-) -> FloatArray:
-    """Return the ranges of `predict_ranges` of sensors at poses (n, 3), (n, m), of sound in the plan."""
-    options = options or _options_of(board)
+    room: Room, poses: FloatArray, sensors: Sensors, board: Board, options: PredictionOptions, wanted: _Wanted
+) -> _Readings:
+    """Return the readings of sensors at poses (n, 3), of sound in the plan."""
+    # a body is another post of the room at each pose
+    body, at_once = board.mounting.body_radius, 1 if board.mounting.body_radius else _AT_ONCE
+    count = sensors.headings.size
 
-    def predicted(begin: int, end: int) -> tuple[FloatArray]:
-        ranges = np.empty((end - begin, sensors.headings.size))
-        # a body is another post of the room at each pose
-        body, at_once = board.mounting.body_radius, 1 if board.mounting.body_radius else _AT_ONCE
-        for k in range(0, end - begin, at_once):
-            here = poses[begin + k : min(begin + k + at_once, end)]
-            around = with_body(room, _axis(board, here[0]), body) if body else room
-            placed = sensors.at(here)
-            shape = placed[2].shape
-            batch = _Batch(
-                around, board, options, *placed, sensors.turns, np.full(shape, np.nan), np.ones(shape, np.bool_)
-            )
-            _read(batch)
-            ranges[k : k + at_once] = board.reported(batch.distances).reshape(-1, ranges.shape[1])
-        return (ranges,)
+    def read(here: FloatArray) -> _Readings:
+        around = with_body(room, _axis(board, here[0]), body) if body else room
+        placed = sensors.at(here)
+        sensor_count, of_each = placed[2].shape
+        readings, open_ = _Readings.empty(sensor_count, of_each, wanted), np.ones((sensor_count, of_each), np.bool_)
+        _read(_Batch(around, board, options, *placed, sensors.turns, wanted, readings, open_))
+        return readings._replace(ranges=board.reported(readings.ranges)).of_poses(len(here))
 
-    (ranges,) = rows_in_parts(predicted, len(poses), _LEAST_POSES)
-    return ranges
+    def predicted(begin: int, end: int) -> _Readings:
+        readings = _Readings.empty(end - begin, count, wanted)
+        for k in range(begin, end, at_once):
+            here = poses[k : min(k + at_once, end)]
+            readings.fill(slice(k - begin, k - begin + len(here)), read(here))
+        return readings
+
+    return _in_parts(len(poses), predicted)
 
 
 def _axis(board: Board, pose: FloatArray) -> Place:
@@ -284,6 +336,9 @@ def _read(batch: _Batch) -> None:
     """Fill in all readings: at each pose from paths up to the range by the surfaces ahead, then from longer ones."""
     lengths = 2 * batch.board.max_range * _LONGER ** np.arange(1 - _STAGES, 1.0)
     first = np.minimum(np.searchsorted(lengths, _reach_ahead(batch)), _STAGES - 1)
+    if batch.wanted.levels:
+        # the loudest arrival may be any
+        first[:] = _STAGES - 1
     for stage, length in enumerate(lengths.tolist()):
         rows = np.flatnonzero((first <= stage) & batch.open.any(axis=1))
         for k in range(0, len(rows), _TOGETHER):
@@ -312,11 +367,55 @@ def _read_up_to(length: float, batch: _Batch, rows: NDArray[np.intp]) -> None:
     row, column = np.nonzero(batch.open[rows])
     headings, of_heading = batch.headings[rows[row], column], np.column_stack((begins[row], begins[row + 1]))
     read = _by_board if batch.receiver is Receiver.BOARD else _by_first_echo
-    distances, known = read(length, batch, paths, begins, headings, of_heading)
+    distances, winners, known = read(length, batch, paths, begins, headings, of_heading)
     if length >= 2 * batch.board.max_range:
         known[:] = True
     row, column = rows[row[known]], column[known]
-    batch.distances[row, column], batch.open[row, column] = distances[known], False
+    batch.readings.ranges[row, column], batch.open[row, column] = distances[known], False
+    if batch.wanted.levels or batch.wanted.paths:
+        _describe(batch, (row, column), paths, begins, headings[known], of_heading[known], winners[known])
+
+
+def _describe(
+    batch: _Batch,
+    readings: tuple[NDArray[np.intp], NDArray[np.intp]],
+    paths: Paths,
+    begins: NDArray[np.intp],
+    headings: FloatArray,
+    of_heading: NDArray[np.intp],
+    winners: NDArray[np.intp],
+) -> None:
+    """Fill in levels and paths of these readings, at headings (h,) rad; `winners` (h,) are the rows of their paths."""
+    by_board, all_arrivals = batch.receiver is Receiver.BOARD, batch.wanted.levels
+    weighed, in_time = _weighed(batch, paths, begins), _in_time(batch, paths)
+    levels = arrival_levels(headings, of_heading, weighed, in_time, winners, by_board, all_arrivals)
+    if all_arrivals:
+        batch.readings.over_threshold[readings] = decibels(levels.loudest) - batch.board.threshold_db
+    if batch.wanted.paths:
+        batch.readings.paths.fill(readings, paths_of_readings(paths, winners, decibels(levels.of_readings)))
+
+
+def _in_time(batch: _Batch, paths: Paths) -> BoolArray:
+    """Return which paths arrive after blanking and within range, (p,)."""
+    return ~is_blanked(paths.lengths, batch.board, batch.room) & (paths.lengths <= 2 * batch.board.max_range + SLACK)
+
+
+def _weighed(batch: _Batch, paths: Paths, begins: NDArray[np.intp]) -> PathsAndBeam:
+    """Return paths as what the board may detect; those of each place begin at a row, (n + 1,)."""
+    room, board = batch.room, batch.board
+    apart = np.repeat(_APART * np.arange(len(begins) - 1), np.diff(begins))
+    sets = together(paths.lengths, paths.phases, board.wavelength(room.air), board, apart)
+    ka = board.wavenumber(room.air) * board.aperture_radius
+    return PathsAndBeam(
+        paths.leaving,
+        paths.arriving,
+        strengths(room, board, paths),
+        sets,
+        np.empty((0, 0), np.bool_),
+        10 ** (board.threshold_db / 20),
+        ka,
+        beam_table(ka),
+    )
 
 
 def _paths_up_to(length: float, batch: _Batch, rows: NDArray[np.intp]) -> tuple[Paths, NDArray[np.intp]]:
@@ -414,32 +513,20 @@ def _by_first_echo(
     begins: NDArray[np.intp],
     headings: FloatArray,
     of_heading: NDArray[np.intp],
-) -> tuple[FloatArray, BoolArray]:
-    """Return the distance at each heading (h,) by the paper's receiver, m, and whether no longer path changes it."""
-    room, board = batch.room, batch.board
-    in_time = np.flatnonzero(~is_blanked(paths.lengths, board, room) & (paths.lengths <= 2 * board.max_range + SLACK))
-    paths, wavelength = paths.select(in_time), board.wavelength(room.air)
-    begins, of_heading = np.searchsorted(in_time, begins), np.searchsorted(in_time, of_heading)
-    apart = np.repeat(_APART * np.arange(len(begins) - 1), np.diff(begins))
-    sets = together(paths.lengths, paths.phases, wavelength, board, apart)
-    ka = board.wavenumber(room.air) * board.aperture_radius
-    weighed = PathsAndBeam(
-        paths.leaving,
-        paths.arriving,
-        strengths(room, board, paths),
-        sets,
-        np.empty((0, 0), np.bool_),
-        10 ** (board.threshold_db / 20),
-        ka,
-        beam_table(ka),
-    )
-    all_, none = np.ones(len(paths), np.bool_), np.zeros(len(headings))
-    sought = Sought(True, none, np.inf, paths.lengths, paths.lengths / 2, all_, -1.0)
-    winners = detected(headings, of_heading, weighed, sought)
+) -> tuple[FloatArray, NDArray[np.intp], BoolArray]:
+    """Return the distance at each heading (h,) by the paper's receiver, m, its path, and whether both are certain.
+
+    The path is a row, or -1 without an echo. Certain readings are those that no longer path can change.
+    """
+    in_time = np.flatnonzero(_in_time(batch, paths))
+    here, begins, of_heading = paths.select(in_time), *(np.searchsorted(in_time, rows) for rows in (begins, of_heading))
+    every, none = np.ones(len(here), np.bool_), np.zeros(len(headings))
+    sought = Sought(True, none, np.inf, here.lengths, here.lengths / 2, every, -1.0)
+    winners = np.append(in_time, -1)[detected(headings, of_heading, _weighed(batch, here, begins), sought)]
     # row -1, "no echo", selects the appended value
-    found = np.append(paths.lengths, np.nan)[winners]
-    later = wavelength if board.sum_arrivals else 0.0
-    return found / 2, np.asarray(found + later <= length)
+    lengths = np.append(paths.lengths, np.nan)[winners]
+    later = batch.board.wavelength(batch.room.air) if batch.board.sum_arrivals else 0.0
+    return lengths / 2, winners, np.asarray(lengths + later <= length)
 
 
 def _by_board(
@@ -449,12 +536,12 @@ def _by_board(
     _begins: NDArray[np.intp],
     headings: FloatArray,
     of_heading: NDArray[np.intp],
-) -> tuple[FloatArray, BoolArray]:
+) -> tuple[FloatArray, NDArray[np.intp], BoolArray]:
     """Return what `_by_first_echo` returns, by the board's own receiver."""
     speed = batch.room.air.speed_of_sound
     amplitudes = strengths(batch.room, batch.board, paths) * np.exp(1j * paths.phases)
     sound = Sound(paths.lengths / speed, amplitudes, paths.leaving, paths.arriving, np.empty((0, 0), np.bool_))
-    times, _ = first_echoes(headings, sound, batch.board, speed, of_heading)
+    times, winners = first_echoes(headings, sound, batch.board, speed, of_heading)
     # pulses begin before their path ends, and the sample after a detection decides on its time
     certain = length / speed - (pulse_table(batch.board, speed).lead + 2) / RATE
-    return times * speed / 2, np.asarray(times <= certain)
+    return times * speed / 2, winners, np.asarray(times <= certain)

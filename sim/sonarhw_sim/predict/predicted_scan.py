@@ -14,12 +14,14 @@ from sonarhw.errors import counted
 from sonarhw.readings import FloatArray, Table, same_values
 from sonarhw_sim.air import Receiver, Unit
 from sonarhw_sim.board.beam import (
+    ArrivalLevels,
     BoolArray,
     ComplexArray,
     PathsAndBeam,
     Sought,
     Together,
     amplitudes_at,
+    arrival_levels,
     beam_table,
     detected,
     every_path,
@@ -357,6 +359,21 @@ class ReportedPaths(NamedTuple):
     surfaces: NDArray[np.int32]  # (..., b): reflecting walls and posts, in order, rows of `room.names`, padded with -1
     edges: NDArray[np.int32]  # diffracting edge, a row of the room's edges; -1: none
 
+    @classmethod
+    def empty(cls, shape: tuple[int, ...], most_bounces: int) -> "ReportedPaths":
+        """Return those of readings without an echo."""
+        return cls(
+            np.full(shape, np.nan),
+            np.full(shape, np.nan),
+            np.full((*shape, most_bounces), -1, dtype=np.int32),
+            np.full(shape, -1, dtype=np.int32),
+        )
+
+    def fill(self, rows: tuple[Any, ...], other: "ReportedPaths") -> None:
+        """Set the paths in `rows` to others, which may have fewer reflections."""
+        self.lengths[rows], self.levels[rows], self.edges[rows] = other.lengths, other.levels, other.edges
+        self.surfaces[(*rows, ..., slice(other.surfaces.shape[-1]))] = other.surfaces
+
     @property
     def bounces(self) -> NDArray[np.int32]:
         """Number of reflections of each path; 0 without an echo."""
@@ -365,6 +382,15 @@ class ReportedPaths(NamedTuple):
     def trimmed(self) -> "ReportedPaths":
         """Return the same with as many columns of `surfaces` as the most reflections."""
         return self._replace(surfaces=self.surfaces[..., : self.bounces.max(initial=0)].copy())
+
+
+def paths_of_readings(paths: Paths, winners: NDArray[np.intp], levels: FloatArray) -> ReportedPaths:
+    """Return the paths in rows `winners` (n,), -1 without an echo, with these levels (n,) dB of their arrivals."""
+    echo = winners >= 0
+    reported = ReportedPaths.empty((len(winners),), paths.surfaces.shape[1])
+    rows = winners[echo]
+    reported.fill((echo,), ReportedPaths(paths.lengths[rows], levels[echo], paths.surfaces[rows], paths.edges[rows]))
+    return reported
 
 
 @dataclass(frozen=True, eq=False)
@@ -422,17 +448,13 @@ class PredictedScan(Table):
     @cached_property
     def reported_paths(self) -> ReportedPaths:
         """The paths that gave the readings, (n,) each."""
-        echo, levels = self.winners >= 0, np.full(len(self.headings), np.nan)
-        levels[echo] = [self.ping(k).level_of_reading for k in np.flatnonzero(echo).tolist()]
-        paths, winners = self.paths, self.winners[echo]
-        lengths, edges = np.full(len(echo), np.nan), np.full(len(echo), -1, dtype=np.int32)
-        surfaces = np.full((len(echo), paths.surfaces.shape[1]), -1, dtype=np.int32)
-        lengths[echo], edges[echo], surfaces[echo] = (
-            paths.lengths[winners],
-            paths.edges[winners],
-            paths.surfaces[winners],
-        )
-        return ReportedPaths(lengths, levels, surfaces, edges)
+        echo = self.winners >= 0
+        if self.weighed_at_once:
+            levels = np.where(echo, decibels(self._levels(all_arrivals=False).of_readings), np.nan)
+        else:
+            levels = np.full(len(echo), np.nan)
+            levels[echo] = [self.ping(k).level_of_reading for k in np.flatnonzero(echo).tolist()]
+        return paths_of_readings(self.paths, self.winners, levels)
 
     @cached_property
     def apparent_lengths(self) -> FloatArray:
@@ -489,9 +511,23 @@ class PredictedScan(Table):
         Below 0 there is no echo; -inf where nothing arrives within the beam and in time. The higher the level, the more
         certain is an echo at any range.
         """
+        if self.weighed_at_once:
+            return decibels(self._levels(all_arrivals=True).loudest) - self.board.threshold_db
         levels = (self.ping(k).levels for k in range(len(self.headings)))
         loudest = [of_heading[self.in_time].max(initial=-np.inf) for of_heading in levels]
         return np.array(loudest, dtype=np.float64) - self.board.threshold_db
+
+    @property
+    def weighed_at_once(self) -> bool:
+        """Whether one call weighs the paths at all headings: all exist at all of them, and no surface is rough."""
+        return self.only_at is None and not self.paths.scattered.any()
+
+    def _levels(self, all_arrivals: bool) -> ArrivalLevels:
+        """Return the result of `arrival_levels` if paths are `weighed_at_once`."""
+        weighed = paths_and_beam(self, self.headings, slice(None), self.all_together)
+        rows = every_path(len(self.headings), len(self.paths))
+        by_board = self.receiver is Receiver.BOARD
+        return arrival_levels(self.headings, rows, weighed, self.in_time, self.winners, by_board, all_arrivals)
 
     @cached_property
     def burst_length(self) -> float:
@@ -642,7 +678,7 @@ class PredictedPing:
             sums, loudest = self._scattered.added_to(sums, loudest, self._lengths)
         amplitudes, members = np.zeros(len(self.scan.paths)), np.arange(len(self.scan.paths))
         amplitudes[self.rows], members[self.rows] = sums, self.rows[loudest]
-        return _decibels(amplitudes), members
+        return decibels(amplitudes), members
 
     @property
     def levels(self) -> FloatArray:
@@ -680,7 +716,7 @@ class PredictedPing:
             return self._scattered.level_from(begin)
         if scan.receiver is Receiver.BOARD:
             row = int(np.searchsorted(self.rows, winner))
-            return float(_decibels(sum_of_arrival(self._coherent, self._together, row)))
+            return float(decibels(sum_of_arrival(self._coherent, self._together, row)))
         levels, loud_enough = self.levels, self.levels >= scan.board.threshold_db
         detected = np.flatnonzero((self.loudest == winner) & scan.in_time & loud_enough)
         return float(levels[detected[0] if len(detected) else winner])
@@ -879,7 +915,8 @@ def _senders(scan: PredictedScan, index: int) -> FloatArray:
     return np.full(len(scan.paths), scan.headings[index])
 
 
-def _decibels(amplitudes: float | FloatArray) -> FloatArray:
+def decibels(amplitudes: float | FloatArray) -> FloatArray:
+    """Return the levels of amplitudes, dB, same shape; -inf for 0."""
     with np.errstate(divide="ignore"):
         return np.asarray(20 * np.log10(amplitudes))
 
@@ -1032,7 +1069,7 @@ def nearest_paths(scan: PredictedScan, rows: IntArray, measured: FloatArray, rea
     `rows` (k,) are headings of the scan, and `measured` (k,) the ranges there, m. The echoes are those of
     `PredictedPing.echoes`.
     """
-    if scan.only_at is not None or scan.paths.scattered.any():
+    if not scan.weighed_at_once:
         return _one_by_one(scan, rows, measured, reach)
     board, lengths = scan.board, scan.apparent_lengths
     span = board.wavelength(scan.room.air) if board.sum_arrivals else -1.0

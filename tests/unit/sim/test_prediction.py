@@ -10,7 +10,7 @@ from sonarhw_sim import Mount, Ring
 from sonarhw_sim.air import Air, Model, Receiver, Unit, absorption
 from sonarhw_sim.board.beam import beam, beam_gain, beam_table, sums_of_arrivals, together
 from sonarhw_sim.board.profile import Board, load_board
-from sonarhw_sim.predict.predicted_scan import PredictedScan, ReportedPaths, nearest_paths
+from sonarhw_sim.predict.predicted_scan import PredictedPing, PredictedScan, ReportedPaths, nearest_paths
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, predict_with
 from sonarhw_sim.predict.room_echoes import plate_echo
 from sonarhw_sim.room.room import Place, Room, load_room, with_material
@@ -288,30 +288,61 @@ def test_a_ring_has_its_own_headings_and_levels_are_over_the_threshold() -> None
     assert ((levels >= 0) == np.isfinite(ranges)).mean() > 0.98
 
 
-@pytest.mark.parametrize(("room", "height"), [("laboratory", None), ("doorstep", 0.3)])
-def test_paths_of_many_poses_are_those_of_single_predictions(room: str, height: float | None) -> None:
-    loaded, board = sonarhw.load_room(room), sonarhw.load_board("polaroid-6500")
-    poses = poses_in(loaded, 3, seed=8)
-    ranges, levels, paths = sonarhw.predict_ranges(loaded, poses, TWELVE, board, levels=True, paths=True, height=height)
+@pytest.mark.parametrize(
+    ("name", "board", "height", "count"),
+    [
+        ("laboratory", "polaroid-6500", None, 4),
+        ("laboratory", "paper", None, 6),
+        ("arena", "hc-sr04", None, 30),
+        ("doorstep", "polaroid-6500", 0.3, 2),
+    ],
+)
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_levels_and_paths_of_many_poses_are_those_of_single_predictions(
+    name: str, board: str, height: float | None, count: int
+) -> None:
+    room, profile = sonarhw.load_room(name), sonarhw.load_board(board)
+    poses = poses_in(room, count, seed=8)
+    ranges, levels, paths = sonarhw.predict_ranges(room, poses, TWELVE, profile, levels=True, paths=True, height=height)
+    _, quick = sonarhw.predict_ranges(room, poses, TWELVE, profile, paths=True, height=height)  # no farther than needed
     assert isinstance(paths, ReportedPaths)
+    assert isinstance(quick, ReportedPaths)
+    other = 0
     for row, (x, y, turn) in enumerate(poses.tolist()):
-        place = board.faced(sonarhw.Place("", (x, y), turn, height))
-        scan = sonarhw.predict(loaded, place, board, place.heading + board.turned(TWELVE))
-        pings = [scan.ping(k) for k in range(len(TWELVE))]
-        assert np.array_equal(ranges[row], scan.ranges, equal_nan=True)
-        assert np.array_equal(levels[row], scan.over_threshold)
+        place = profile.faced(sonarhw.Place("", (x, y), turn, height))
+        scan = sonarhw.predict(room, place, profile, place.heading + profile.turned(TWELVE))
         for k, winner in enumerate(scan.winners.tolist()):
-            surfaces = [loaded.names[surface] for surface in paths.surfaces[row, k] if surface >= 0]
-            if winner < 0:
-                assert not surfaces
-                assert np.isnan([paths.lengths[row, k], paths.levels[row, k]]).all()
-                continue
-            assert paths.lengths[row, k] == scan.paths.lengths[winner]
-            assert paths.levels[row, k] == pings[k].level_of_reading
-            assert len(surfaces) == paths.bounces[row, k] == scan.paths.bounces[winner]
-            assert set(surfaces) <= set(scan.paths.via(winner, loaded))
+            ping = scan.ping(k)
+            loudest = float(ping.levels[scan.in_time].max(initial=-np.inf)) - profile.threshold_db
+            differs = not (levels[row, k] == loudest or abs(levels[row, k] - loudest) < 0.01)
+            for reported in (paths, quick):
+                differs |= _described(reported, row, k, room) != (_path_of(ping, winner, room) if winner >= 0 else None)
+            other += differs
+    assert other <= 0.01 * ranges.size
     assert paths.bounces.max() > 1
-    assert (paths.edges >= 0).any()
+
+
+def _described(paths: ReportedPaths, row: int, k: int, room: sonarhw.Room) -> tuple[object, ...] | None:
+    """Return length, level and course of the path of a reading; None without an echo."""
+    surfaces = [room.names[surface] for surface in paths.surfaces[row, k] if surface >= 0]
+    if np.isnan(paths.lengths[row, k]):
+        assert not surfaces
+        assert np.isnan(paths.levels[row, k])
+        return None
+    length, level, edge = paths.lengths[row, k], paths.levels[row, k], paths.edges[row, k]
+    return round(float(length), 4), round(float(level), 1), sorted(surfaces), int(edge)
+
+
+def _path_of(ping: PredictedPing, winner: int, room: sonarhw.Room) -> tuple[object, ...]:
+    """Return what `_described` returns for the path of a reading of a single prediction."""
+    paths = ping.scan.paths
+    surfaces = [room.names[surface] for surface in paths.surfaces[winner].tolist() if surface >= 0]
+    return (
+        round(float(paths.lengths[winner]), 4),
+        round(ping.level_of_reading, 1),
+        sorted(surfaces),
+        paths.edges[winner],
+    )
 
 
 def test_noise_that_hides_the_echoes_gives_a_warning() -> None:
