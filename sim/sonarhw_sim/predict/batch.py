@@ -336,8 +336,8 @@ def _read(batch: _Batch) -> None:
     """Fill in all readings: at each pose from paths up to the range by the surfaces ahead, then from longer ones."""
     lengths = 2 * batch.board.max_range * _LONGER ** np.arange(1 - _STAGES, 1.0)
     first = np.minimum(np.searchsorted(lengths, _reach_ahead(batch)), _STAGES - 1)
-    if batch.wanted.levels:
-        # the loudest arrival may be any
+    # few paths of few poses are searched at once in less time; and the loudest arrival may be the last
+    if batch.wanted.levels or (len(first) < _LEAST_POSES and batch.receiver is Receiver.FIRST_ECHO):
         first[:] = _STAGES - 1
     for stage, length in enumerate(lengths.tolist()):
         rows = np.flatnonzero((first <= stage) & batch.open.any(axis=1))
