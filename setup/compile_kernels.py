@@ -38,6 +38,7 @@ def compile_for_demo() -> None:
     place, headings = room.place("bench"), np.radians(np.arange(0.0, 360.0, 30.0))
     scan = predict_scan(room, place, board, headings)
     nearest_paths(scan, np.arange(1), np.ones(1), 0.05)
+    _ = scan.over_threshold
     ping = scan.ping(0)
     _ = ping.levels
     ping.echo_times()

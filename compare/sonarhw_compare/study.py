@@ -14,7 +14,7 @@ import logging
 import platform
 import shutil
 from collections import OrderedDict
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import closing
 from dataclasses import dataclass
@@ -28,7 +28,8 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from sonarhw_sim.air import Model
 from sonarhw_sim.compiled import core_count
-from sonarhw_sim.predict.predicted_scan import PredictedScan
+from sonarhw_sim.predict.batch import predict_ranges
+from sonarhw_sim.predict.predicted_scan import PredictedScan, ReportedPaths, standpoints
 from sonarhw_sim.predict.prediction import (
     paths_for,
     paths_serve_all_headings,
@@ -119,19 +120,64 @@ class PathCache:
 
     def of(self, case: Case) -> Paths:
         """Return all paths that the board of a case can detect, at any threshold of its study."""
-        options = case.options
-        search = search_for(case.room, case.most_sensitive, options)
-        key = case.where, search, case.board.aperture_radius, options.sections
+        key = _paths_key(case)
         paths = self._kept.pop(key, None)
         if paths is None:
-            paths = paths_for(case.room, case.place, case.most_sensitive, options)
+            paths = paths_for(case.room, case.place, case.most_sensitive, case.options)
         self._kept[key] = paths
         if len(self._kept) > _PATHS_KEPT:
             self._kept.popitem(last=False)
         return paths
 
 
-cases_of = lru_cache(maxsize=4)(Cases)  # those of a study are computed once in a process
+def _paths_key(case: Case) -> object:
+    """Return a value that is equal for scans with the same paths."""
+    search = search_for(case.room, case.most_sensitive, case.options)
+    return case.where, search, case.board.aperture_radius, case.options.sections
+
+
+@lru_cache(maxsize=4)
+def cases_of(study: Study) -> tuple[Cases, bool]:
+    """Return the scans of a study, and whether neighbours on its grid have the same paths, once in a process."""
+    cases = Cases(study)
+    keys = [_paths_key(cases.case(number)) for number in range(min(study.points, _PATHS_KEPT))]
+    return cases, len(set(keys)) < len(keys)
+
+
+def columns_of_cases(cases: Sequence[Case], shared: bool) -> list[ScanColumns]:
+    """Return the columns of scans. Those whose paths no other scan has are predicted together, room by room."""
+    columns: dict[int, ScanColumns] = {}
+    together: dict[object, list[Case]] = {}
+    cache = PathCache()
+    for case in cases:
+        if shared or not _is_by_ranges(case):
+            columns[case.number] = columns_of(predict_case(case, cache))
+        else:
+            same = id(case.room), case.board, case.options, case.place.heading, case.headings.tobytes()
+            together.setdefault(same, []).append(case)
+    for group in together.values():
+        columns |= zip((case.number for case in group), _predict_together(group), strict=True)
+    return [columns[case.number] for case in cases]
+
+
+def _is_by_ranges(case: Case) -> bool:
+    """Return whether `predict_ranges` predicts a scan."""
+    return case.model is Model.RAY_FOLLOWING and not case.options.noise and case.place.height is None
+
+
+def _predict_together(cases: Sequence[Case]) -> Iterator[ScanColumns]:
+    """Yield the columns of scans at different positions in one room, with one board."""
+    first = cases[0]
+    room, board, headings = first.room, first.board, first.headings
+    # the heading of a place in a study is the actual one of step 0
+    turn = first.place.heading - board.heading_at(0.0, 0.0)
+    poses = [(*case.place.position, turn) for case in cases]
+    angles = board.angle_at(headings, first.place.heading)
+    readings = predict_ranges(room, poses, angles, board, paths=True, options=first.options)
+    ranges, paths = cast("tuple[FloatArray, ReportedPaths]", readings)
+    for row, case in enumerate(cases):
+        ahead = distances_ahead(standpoints(board, case.place, headings), headings, room.surfaces)
+        yield _columns(headings, ranges[row], ReportedPaths(*(column[row] for column in paths)), ahead)
 
 
 def predict_case(case: Case, cache: PathCache) -> PredictedScan:
@@ -144,24 +190,25 @@ def predict_case(case: Case, cache: PathCache) -> PredictedScan:
 
 def columns_of(scan: PredictedScan) -> ScanColumns:
     """Return the columns of a scan."""
-    paths, echo = scan.reported_paths, scan.winners >= 0
+    height = scan.place.height
+    room = scan.room if height is None else cut(scan.room, spanning_at(scan.room, height))
+    ahead = distances_ahead(scan.standpoints, scan.headings, room.surfaces)
+    return _columns(scan.headings, scan.ranges, scan.reported_paths, ahead)
+
+
+def _columns(headings: FloatArray, ranges: FloatArray, paths: ReportedPaths, ahead: FloatArray) -> ScanColumns:
+    """Return the columns of readings at `headings` (n,) rad; `ahead` (n,) m are the ways to the surface ahead."""
+    echo = ~np.isnan(paths.lengths)
     return ScanColumns(
         # rounded as in the output of all commands
-        np.asarray(np.round(np.degrees(scan.headings), 9), dtype=np.float64),
-        scan.ranges,
+        np.asarray(np.round(np.degrees(headings), 9), dtype=np.float64),
+        ranges,
         paths.lengths,
         paths.levels,
         np.where(echo, paths.bounces, np.nan),
         np.where(echo, paths.edges >= 0, np.nan),
-        _axis_distances(scan),
+        np.where(np.isfinite(ahead), ahead, np.nan),
     )
-
-
-def _axis_distances(scan: PredictedScan) -> FloatArray:
-    height = scan.place.height
-    room = scan.room if height is None else cut(scan.room, spanning_at(scan.room, height))
-    ahead = distances_ahead(scan.standpoints, scan.headings, room.surfaces)
-    return np.where(np.isfinite(ahead), ahead, np.nan)
 
 
 def figures_of(columns: ScanColumns) -> dict[str, float]:
@@ -186,15 +233,13 @@ def predict_scans(study: Study, first: int, last: int) -> "tuple[pa.Table, pa.Ta
 
     Raises InputError if drawn values of a scan do not fit together.
     """
-    cases, cache = cases_of(study), PathCache()
-    rows, readings, numbers = [], [], []
-    for number in range(first, last):
-        case = cases.case(number)
-        columns = columns_of(predict_case(case, cache))
-        rows.append(_description(case) | figures_of(columns))
-        if study.rows == "headings":
-            readings.append(columns)
-            numbers.append(np.full(len(columns.range_m), number))
+    known, shared = cases_of(study)
+    cases = [known.case(number) for number in range(first, last)]
+    readings = columns_of_cases(cases, shared)
+    rows = [_description(case) | figures_of(columns) for case, columns in zip(cases, readings, strict=True)]
+    if study.rows != "headings":
+        return _scan_table(rows), pa.table({})
+    numbers = [np.full(len(columns.range_m), case.number) for case, columns in zip(cases, readings, strict=True)]
     return _scan_table(rows), _reading_table(numbers, readings)
 
 
@@ -212,8 +257,6 @@ def _scan_table(rows: list[dict[str, object]]) -> "pa.Table":
 def _reading_table(
     numbers: list[np.ndarray[tuple[int], np.dtype[np.int64]]], readings: list[ScanColumns]
 ) -> "pa.Table":
-    if not readings:
-        return pa.table({})
     several = {key: np.concatenate([getattr(reading, key) for reading in readings]) for key in vars(readings[0])}
     table = {"scan": pa.array(np.concatenate(numbers))}
     table |= {key: pa.array(values, from_pandas=True) for key, values in several.items()}

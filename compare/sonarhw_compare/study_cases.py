@@ -435,6 +435,7 @@ class Cases:
         self._shape = (len(self._spots), len(study.boards), *lengths)
         self._headings = sector(*study.headings).angles()
         self._board = lru_cache(maxsize=64)(self._make_board)
+        self._changed_room = lru_cache(maxsize=64)(self._change)
         self._free_space = lru_cache(maxsize=None)(lambda room: find_free_space(self._rooms[room]))
         self._place = lru_cache(maxsize=64)(self._find_place)
 
@@ -457,7 +458,9 @@ class Cases:
             number,
             draw,
             study.rooms[position].name,
-            self._changed(position, values),
+            self._changed_room(
+                position, tuple(item for item in values.items() if _section(item[0]) in ("air", "materials"))
+            ),
             place,
             study.boards[board_at][0],
             board,
@@ -480,9 +483,9 @@ class Cases:
         name, profile = self._study.boards[number]
         return board_with(profile, dict(values), f"study {self._study.name!r}, board {name}")
 
-    def _changed(self, number: int, values: dict[str, Value]) -> Room:
+    def _change(self, number: int, items: tuple[tuple[str, Value], ...]) -> Room:
         """Return the room with the air and the materials of a case."""
-        room = self._rooms[number]
+        room, values = self._rooms[number], dict(items)
         air = {key.partition(".")[2]: value for key, value in values.items() if _section(key) == "air"}
         if air:
             room = with_air(room, Air(**(vars(room.air) | air)))

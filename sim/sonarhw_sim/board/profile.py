@@ -513,7 +513,7 @@ class Board:
         """Return the true turn of the turntable at a turntable angle; both rad."""
         return self.turntable_scale * angle
 
-    def angle_at(self, heading: float, zero: float) -> float:
+    def angle_at(self, heading: Number, zero: float) -> Number:
         """Return the turntable angle at a heading, if step 0 points along `zero`; all rad. The inverse of `turned`."""
         return (heading - zero) / self.turntable_scale
 

@@ -106,7 +106,7 @@ def predict_ranges(
     and ceiling. `levels` adds the level of the loudest arrival over the threshold, (n, m) dB, and `paths` the paths
     that gave the readings (`ReportedPaths`: lengths, levels, surfaces, edges), (n, m) each; the result is then a tuple.
 
-    The poses share the cores. Memory is needed for the result and the paths of some poses on each core. Ranges are
+    The poses share the cores. Memory is needed for the result and the paths of some poses on each core. Readings are
     those of `predict`, but for 0.1 % at the border between two echoes, because fewer rays are followed. From a
     pose inside a post, there is no echo. Raises InputError. Warns if most poses are beyond the walls.
     """

@@ -52,6 +52,19 @@ max_bounces = 4
 rays = 720
 """
 
+# no two scans have the same paths
+PLACES = f"""
+name = "places"
+seed = 3
+draws = 8
+boards = ["lego-nxt", "polaroid-6500"]
+[[rooms]]
+file = "{ROOMS}/arena.toml"
+places = ["anywhere"]
+[headings]
+step = 20.0
+"""
+
 
 def spec_of(folder: Path, text: str = SPEC) -> Path:
     path = folder / "spec.toml"
@@ -96,8 +109,9 @@ def test_a_scan_of_a_study_equals_simulate(tmp_path: Path, capsys: pytest.Captur
     assert scan.n_echo == np.isfinite(simulated[1]).sum()
 
 
-def test_a_scan_depends_on_its_number_only(tmp_path: Path) -> None:
-    study = study_of(tmp_path)
+@pytest.mark.parametrize("text", [SPEC, PLACES])
+def test_a_scan_depends_on_its_number_only(tmp_path: Path, text: str) -> None:
+    study = study_of(tmp_path, text)
     together = predict_scans(study, 0, study.scans)
     apart = [predict_scans(study, number, number + 1) for number in reversed(range(study.scans))][::-1]
     for kind in (0, 1):
@@ -112,6 +126,25 @@ def test_shared_paths_do_not_change_results(tmp_path: Path) -> None:
         case = cases.case(number)
         alone = predict_with(case.model, case.room, case.place, case.board, case.headings, case.options)
         np.testing.assert_array_equal(predict_case(case, cache).ranges, alone.ranges)
+
+
+def test_places_that_are_searched_together_have_the_results_of_single_predictions(tmp_path: Path) -> None:
+    study = study_of(tmp_path, PLACES)
+    scans, headings = predict_scans(study, 0, study.scans)
+    cases = [Cases(study).case(number) for number in range(study.scans)]
+    single = [
+        predict_with(case.model, case.room, case.place, case.board, case.headings, case.options) for case in cases
+    ]
+    for name, of_scan in (
+        ("range_m", lambda scan: scan.ranges),
+        ("path_m", lambda scan: scan.reported_paths.lengths),
+        ("level_db", lambda scan: scan.reported_paths.levels),
+        ("bounces", lambda scan: np.where(scan.winners >= 0, scan.reported_paths.bounces, np.nan)),
+    ):
+        expected = np.concatenate([of_scan(scan) for scan in single])
+        columns = headings[name].cast("float64").to_numpy()
+        assert np.isclose(columns, expected, rtol=1e-6, equal_nan=True).mean() > 0.999
+    assert scans["n_echo"].to_pylist() == [int(np.isfinite(scan.ranges).sum()) for scan in single]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows delivers Ctrl-C through a console")
