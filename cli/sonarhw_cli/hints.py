@@ -89,11 +89,13 @@ def parser_message(error: typer.TyperException, arguments: Sequence[str], progra
     message = _reworded(error)
     if without := re.fullmatch(r"Option '([^']+)' requires an argument\.", message):
         # this error does not contain the command
-        return f"{without[1]}: expected a value, as in `{line_of(arguments, program).written(without[1])}`"
+        return line_of(arguments, program).value_expected(without[1])
     context = getattr(error, "ctx", None)
     if context is None:
         return message
     line = RefusedLine(arguments, context)
+    if line.option_without_value:
+        return line.option_without_value
     for start, answer in _ANSWERS.items():
         if message.startswith(start):
             return answer(message.rstrip("."), line)
@@ -175,7 +177,7 @@ def _taken_by_option(line: RefusedLine) -> Iterator[str]:
         if option not in line.options or option in line.flags or Path(value).suffix in line.written(option):
             continue  # a flag takes none, and the value may be meant for the option
         if os.path.exists(value) and kind_of(value) in kinds - {""}:
-            yield f"{option} took {value} as its value: write `{line.path} {value} {option} VALUE`"
+            yield f"{option} took {value} as its value: write `{line.path} {shlex.quote(value)} {option} VALUE`"
 
 
 # Unknown commands.
@@ -227,7 +229,7 @@ def _commands_of_parts(word: str, line: RefusedLine) -> Iterator[str]:
 def _first_command(word: str) -> str:
     """Return the command for a file, a scanner or a room that is given without one; empty for other words."""
     guessed = "room" if word.endswith(".toml") else "URL" if re.match("[a-z0-9]+:", word) else ""
-    return _FIRST_COMMANDS.get(kind_of(word) or guessed, "").format(word)
+    return _FIRST_COMMANDS.get(kind_of(word) or guessed, "").format(shlex.quote(word))
 
 
 def _members_for(word: str, line: RefusedLine) -> Iterator[str]:
@@ -521,9 +523,9 @@ def _uses_of(extra: _Extra) -> Iterator[str]:
     yield first(f"leave out {other}" for other in extra.others if other in other_words.ANY)
     for other in extra.others:
         if taking := option_taking(other, line.context) or option_with_output(other, line):
-            yield f"write `{' '.join([line.path, *extra.same, taking])}`"
+            yield f"write `{' '.join([line.path, *map(shlex.quote, extra.same), taking])}`"
     if "LOG" in line.usage and Path(word).suffix != ".mcap" and os.path.isfile(word):
-        yield f"`sonarhw import {word} --out LOG.mcap` converts a scan of another program"
+        yield use_of(word)
     if not extra.same:
         yield from map(use_of, extra.others)
     yield from _uses_of_value(extra)
@@ -571,6 +573,8 @@ _ANSWERS = {
 def command_message(message: str, arguments: Sequence[str], program: Any) -> str:
     """Return the message of a command with what to write instead, if the words of its line show it."""
     line = line_of(arguments, program)
+    if line.option_without_value:
+        return line.option_without_value
     matches = ((re.match(pattern, message), answer) for pattern, answer in _COMMAND_RULES)
     return joined(message, first(answer(match, line) for match, answer in matches if match))
 

@@ -129,6 +129,17 @@ class RefusedLine:
         behind = [word for before, word in pairwise(words) if before[:1] != "-" or before in self.flags]
         return any(word[:1] != "-" for word in behind)
 
+    def value_expected(self, name: str) -> str:
+        """Return the message about an option without a value."""
+        return f"{name}: expected a value, as in `{self.written(name)}`"
+
+    @cached_property
+    def option_without_value(self) -> str:
+        """The message about an option that took the next option as its value."""
+        pairs = pairwise(self.arguments)
+        names = (name for name, value in pairs if name in self.options.keys() - self.flags and value in self.options)
+        return first(f"{self.value_expected(name)}" for name in names)
+
     @cached_property
     def missing_argument(self) -> str:
         """The required argument, if the command is run with options alone."""

@@ -3,6 +3,7 @@
 import re
 from dataclasses import asdict
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -55,7 +56,7 @@ def new_room(file: NewRoomFile = Path("room.toml"), size: Size = None, place: Ne
         write_template("sonarhw_sim.room", file)
     else:
         _write_empty_room(file, size, place)
-    print_note(f"{file}: edit it, then run: sonarhw room check {file}")
+    print_note(f"{file}: edit it, then run: sonarhw room check {quote(str(file))}")
 
 
 def _write_empty_room(file: Path, size: str, place: str | None) -> None:
@@ -125,7 +126,7 @@ def import_room_file(
     findings = counted(len([*plan_findings(imported.room)]), "finding")
     places = ", ".join(map(repr, imported.room.places)) or "none: commands take --place X,Y,DEG"
     print_line(f"{path}: {_content_of(imported.room)}; places: {places}; {findings}")
-    print_note(f"look at it: sonarhw room check {path} --plot {path.stem}.png")
+    print_note(f"look at it: sonarhw room check {quote(str(path))} --plot {quote(f'{path.stem}.png')}")
 
 
 @room_app.command("schema")
@@ -222,7 +223,7 @@ def list_profiles() -> None:
 def new_profile(file: NewFile) -> None:
     """Write an annotated board profile to start from. An existing file is never overwritten."""
     write_template("sonarhw_sim.board", file)
-    print_note(f"{file}: edit it, then run: sonarhw profile check {file}")
+    print_note(f"{file}: edit it, then run: sonarhw profile check {quote(str(file))}")
 
 
 @profile_app.command("schema")

@@ -83,7 +83,7 @@ def room_and_place(room_name: str | None, place: str | None, out: Path | None) -
         raise InputError(
             f"--room {room_name}: give --place NAME or --place X,Y in metres; its places: "
             f"{', '.join(room.places) or 'none'}; from an unknown place, scan without --room, "
-            f"then run `sonarhw locate {out or 'LOG.mcap'} --room {room_name}`"
+            f"then run `sonarhw locate {quote(str(out or 'LOG.mcap'))} --room {quote(room_name)}`"
         )
     return room, inputs.chosen_place(room, place)
 

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from itertools import chain, repeat
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
@@ -203,7 +204,7 @@ def info(
             ignored = ", ".join(f"{kind} ({count})" for kind, count in scanner.ignored.items())
             facts.append(("ignored", ignored or "nothing"))
         if url.endswith(".mcap"):
-            facts.append(("readings", f"`sonarhw log info {url}` describes the log"))
+            facts.append(("readings", f"`sonarhw log info {quote(url)}` describes the log"))
         for name, value in facts:
             options.print_line(f"{name:<14}{value}")
         while watch:

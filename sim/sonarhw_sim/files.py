@@ -25,6 +25,7 @@ MOST_BYTES = 16 * 2**20  # of a file; a room of 100 000 walls has about 10 MB
 MOST_DOTS = 100  # in one key; tomllib takes quadratic time for them
 _MOST_QUOTED = 80  # characters
 _MOST_IN_OTHER_UNIT = 1e9
+_LEAST_PERCENT = 5
 _LOG_MAGIC = b"\x89MCAP0\r\n"
 _OTHER_UNITS = {"Hz": (1000, "kHz"), "m": (0.001, "mm"), "s": (0.001, "ms")}  # that people write by mistake
 _PART = r"""(?:"[^"\n]*+"|'[^'\n]*+'|[\w-]++)[ \t]*+\.[ \t]*+"""
@@ -32,6 +33,7 @@ _DOTTED = re.compile(rf"(?<![\w-])(?:{_PART}){{{MOST_DOTS}}}")  # possessive, so
 _WITHIN = {"ge": operator.ge, "gt": operator.gt, "le": operator.le, "lt": operator.lt}
 _PLACE = re.compile(r"\(at line (\d+), column \d+\)$")
 _DECIMAL_COMMA = re.compile(r"= *[+-]?\d+,\d")
+_POINT_ADVICE = "; write numbers with a point, such as 0.95"
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 
 
@@ -75,7 +77,7 @@ def _line_of(error: tomllib.TOMLDecodeError, text: str) -> str:
     if place is None:
         return ""
     line = text.split("\n")[int(place[1]) - 1].strip()
-    advice = "; write numbers with a point, such as 0.95" if _DECIMAL_COMMA.search(line) else ""
+    advice = _POINT_ADVICE if _DECIMAL_COMMA.search(line) else ""
     return f": {quoted(line)}{advice}"
 
 
@@ -200,7 +202,11 @@ def _reason(error: Mapping[str, Any], model: type[TomlModel]) -> str:
         return f"expected at least {error['ctx']['min_length']} values, got {error['ctx']['actual_length']}"
     if kind == "too_long":
         most = error["ctx"]["max_length"]
-        return f"expected {'at most ' if most > 3 else ''}{most} values, got {error['ctx']['actual_length'] or 'more'}"
+        count = error["ctx"]["actual_length"]
+        # the commas of decimals separate values, too
+        is_divided = count == 2 * most and isinstance(got, tuple) and all(isinstance(part, int) for part in got)
+        advice = _POINT_ADVICE if is_divided else ""
+        return f"expected {'at most ' if most > 3 else ''}{most} values, got {count or 'more'}{advice}"
     if kind == "string_pattern_mismatch":
         return f"expected a name without > and /, which join names, got {quoted(got)}"
     if kind in ("model_type", "dict_type") and isinstance(got, tuple):
@@ -260,7 +266,11 @@ def _limited_field(error: Mapping[str, Any], model: type[TomlModel]) -> FieldInf
 def _other_unit(error: Mapping[str, Any], model: type[TomlModel]) -> str:
     """Return the value to write if a number beyond a limit is within the limits in a unit such as mm."""
     field = _limited_field(error, model)
-    factor, unit = _OTHER_UNITS.get(_limit_unit(error, model).strip(), (0, ""))
+    own = _limit_unit(error, model).strip()
+    factor, unit = _OTHER_UNITS.get(own, (0, ""))
+    # a share or a ratio of amplitudes; 1.9 is another mistake
+    if field is not None and not own and error["ctx"].get("le") == 1 and error["input"] >= _LEAST_PERCENT:
+        factor, unit = 0.01, "%"
     # a larger number is no mistake of the unit, and may not fit into a float
     if field is None or not factor or not abs(error["input"]) < _MOST_IN_OTHER_UNIT:
         return ""

@@ -529,7 +529,17 @@ def _header(lines: list[str], ends: str, stated: Layout, begins_whole: bool) -> 
         if unnamed.layout is None:  # words that may be those of a banner
             named = [meaning_of(cell) for cell in cells]
             unnamed = _numbers(lines[number + 1 :], "", stated, named, line, begins_whole)
-    return unnamed
+    return unnamed if unnamed.layout or not begins_whole else _single_column(lines, stated)
+
+
+def _single_column(lines: list[str], stated: Layout) -> LayoutProposal:
+    """Recognise the single column of a file whose header names it a range; the angles are counted."""
+    for number, line in enumerate(lines[:-1]):
+        meaning = meaning_of(line)
+        if meaning.quantity is ColumnKind.RANGE and not any(map(str.isdigit, line)) and is_number(lines[number + 1]):
+            below = lines[number + 1 :]
+            return _numbers(below, "", stated, [meaning], line, True) if line not in below else LayoutProposal()
+    return LayoutProposal()
 
 
 def _with_header(
@@ -869,6 +879,10 @@ def _of_records(
     columns = [records.column(k) for k in range(count)]
     roles = radar_roles(literals, columns, ends) or column_roles(columns, labels)
     if isinstance(roles, str):
+        if roles.endswith("write a pattern="):
+            usual = 0 if count > 1 else None  # the column of the angle
+            pattern = _pattern(literals, usual, [min(1, count - 1)], Decision("deg"), Decision("cm"), stated)
+            roles = f"{roles.removesuffix('=')}, such as pattern='{pattern}'{'' if count > 1 else ' with step=DEGREES'}"
         return LayoutProposal(None, questions=(Question(roles),), lines=len(lines), example=example)
     heading, ranges, evidence = roles
     if len(ranges) > 1 and (heading is None or any(labels[k].named for k in ranges[1:])):

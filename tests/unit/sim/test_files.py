@@ -85,12 +85,18 @@ def refusal(parse: Callable[[str, str], object], text: str) -> str:
         ),
         # values
         ("reflectance = 0.9", "reflectance = 1.9", "materials.m.reflectance: expected less than or equal to 1, got"),
+        (
+            "reflectance = 0.9",
+            "reflectance = 90",
+            "equal to 1, got 90; if this is in %, write 0.9",
+        ),
         ("reflectance = 0.9", "reflectance = nan", "materials.m.reflectance: expected a finite number"),
         ("radius = 0.5", "radius = 0.0", "posts[0].radius: expected greater than 0"),
         ("heading_deg = 90.0", "heading_deg = 1e154", "heading_deg: expected less than or equal to 36000 degrees, got"),
         ("[1.0, 0.0], [1.0, 1.0]]", "[0.0, 0.0]]", "segment 0 of wall 'w'"),
         ("[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]", "[[0.0, 0.0]]", "walls[0].points"),
         ("[1.0, 0.0], [1.0", "[1.0, 0.0, 2.0], [1.0", "walls[0].points[1]: expected 2 values, got 3"),
+        ("[1.0, 0.0], [1.0", "[1,0, 0,0], [1.0", "points[1]: expected 2 values, got 4; write numbers with a point"),
         ("position = [0.2, 0.3]\nheading_deg = 90.0\nheight = 0.3", "position = [5.1, 5.1]", "lies inside post 'p'"),
         # heights
         ("height = [0.0, 0.4]", "height = [0.4, 0.0]", "height of post 'p' must be [lower, upper], got [0.4, 0.0]"),
