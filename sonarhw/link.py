@@ -490,22 +490,11 @@ def _why_not_open(url: str, error: Exception) -> LinkError:
         return LinkBusy(f"{url}: {', '.join(who)} {held} the port; close the other program that uses it and try again")
     if code == errno.EACCES or "Permission denied" in text or "PermissionError" in text:
         return LinkForbidden(f"{url}: no permission to open this port; {_how_to_get_permission(url)}")
-    if code == errno.ENOENT and sys.platform != "win32" and (port := re.search(r"COM\d+$", url)):
-        return LinkError(
-            f"{url}: there is no such port; {port[0]} is a name on Windows; here, ports have names such as "
-            "/dev/ttyUSB0; `sonarhw ports` lists the existing ones"
-        )
     if code in (errno.ENOENT, errno.ENOTDIR) or "FileNotFoundError" in text:
-        is_address = re.fullmatch(r"[\w.-]+:\d+|\d+(\.\d+){3}", url) is not None
-        likely = f"socket://{url}{'' if ':' in url else ':PORT'}" if is_address else f"/dev/{url}"
-        is_device = url.startswith(("tty", "cu.")) or os.path.exists(likely)
-        if rate := re.fullmatch(r"(/dev/[^:,;@? ]+|COM\d+)[:,;@? ](?:baud\w*=)?(\d+)(?:&.*)?", url):
-            return LinkError(
-                f"{url}: there is no such port; did you mean {rate[1]}, or lines:{rate[1]}?baud={rate[2]}&preset=NAME "
-                "for a device that prints text?"
-            )
-        meant = f"; did you mean {likely}?" if is_address or is_device else ""
-        return LinkError(f"{url}: there is no such port; `sonarhw ports` lists the existing ones{meant}")
+        meant = port_meant(url)
+        return LinkError(
+            f"{url}: there is no such port; `sonarhw ports` lists the existing ones{'; ' if meant else ''}{meant}"
+        )
     if code == errno.EISDIR or "Inappropriate ioctl" in text:
         return LinkError(f"{url}: is not a serial port; `sonarhw ports` lists the existing ones")
     if "Name or service not known" in text or "getaddrinfo" in text or "nodename nor servname" in text:
@@ -513,6 +502,27 @@ def _why_not_open(url: str, error: Exception) -> LinkError:
     if "refused" in text:
         return LinkError(f"{url}: connection refused; start the scanner or check host and port")
     return LinkError(f"{url}: cannot be opened: {text}")
+
+
+_ADDRESS = re.compile(r"[\w.-]+:\d+|\d+(?:\.\d+){3}")
+_WITH_RATE = re.compile(r"(/dev/[^:,;@? ]+|COM\d+)[:,;@? ](?:baud\w*=)?(\d+)(?:&.*)?")
+_LINUX_PORT = re.compile(r"(?i)/?(?:dev/)?(?:tty/?)?(USB|ACM|AMA)[ _-]?(\d+)")  # in any spelling
+
+
+def port_meant(url: str) -> str:
+    """Return what the name of a missing port probably means, as a part of an error; empty: unknown."""
+    if sys.platform != "win32" and (port := re.search(r"(?i)COM ?\d+$", url)):
+        return f"{port[0]} is a name on Windows; here, ports have names such as /dev/ttyUSB0"
+    if rate := _WITH_RATE.fullmatch(url):
+        return f"did you mean {rate[1]}, or lines:{rate[1]}?baud={rate[2]}&preset=NAME for a device that prints text?"
+    likely = f"/dev/{url}"
+    if _ADDRESS.fullmatch(url):
+        likely = f"socket://{url}{'' if ':' in url else ':PORT'}"
+    elif port := _LINUX_PORT.fullmatch(url):
+        likely = f"/dev/tty{port[1].upper()}{port[2]}"
+    elif not url.startswith(("tty", "cu.")) and not os.path.exists(likely):
+        return ""
+    return f"did you mean {likely}?" if likely != url else ""
 
 
 def _how_to_get_permission(url: str) -> str:

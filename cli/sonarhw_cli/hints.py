@@ -65,6 +65,7 @@ _DIVIDED_URLS = (
     (r"(socket://[^:]+) (\d+)", "{}:{}"),
     (r"fake:? ([\w.]+)", "'fake:{}?place=NAME'"),
     (r"lines:? ([\w./]+)", "'lines:{}?baud=9600&preset=NAME'"),
+    (r"(COM|(?:/dev/)?tty[A-Z]+) (\d+)", "{}{}"),
     (r"((?:fake|lines):[^?]+) (\w+=.+)", "'{}?{}'"),
     (r"((?:fake|lines):.+) (\w+=.+)", "'{}&{}'"),
 )
@@ -163,6 +164,9 @@ def _hints_about_argument(message: str, line: RefusedLine) -> Iterator[str]:
         yield f"write `{output}`" if (output := option_with_output(last, line)) else ""
         is_printed = "standard output" in (line.options[missing].help or "")
         yield f"`{missing} -` writes to standard output" if is_printed else ""
+        is_behind_argument = not line.arguments[-2].startswith("-") and line.arguments[-2] != line.path.split()[-1]
+        if is_behind_argument and not os.path.exists(last):
+            yield about_format(Path(last).suffix.removeprefix(".").lower(), line)
     elif missing:
         yield from _taken_by_option(line)
     if missing and re.search(r":.+\?\w+=[^&]*$", last):
@@ -640,6 +644,7 @@ def _room_with_place(match: _Match, line: RefusedLine) -> str:
 
 def _plain_port(match: _Match, _line: RefusedLine) -> str:
     port = re.sub(r"(?i)^[\\/.]*(com\d+)$", lambda name: name[1].upper(), match[1].strip(":,;.'\""))
+    port = re.sub(r"^(?!lines?:)\w+:/*(?=/dev/|COM\d)", "", port)
     port = re.sub(r"^socket:?/*(?=[\w.-]+:\d+$)", "socket://", port)
     return meant(port) if port != match[1] and kind_of(port) == "URL" else ""
 

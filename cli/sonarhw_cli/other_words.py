@@ -45,7 +45,7 @@ COMMANDS_OF_GROUPS = {
     "import": "convert",
     "info": "check describe print show stats view",
     "list": "ls",
-    "new": "add clone copy create import init make",
+    "new": "add clone copy create edit import init make",
     "recover": "fix repair",
 }
 

@@ -157,8 +157,15 @@ def _kind(source: str) -> str:
         return file_kind(path)
     expected = f"expected a log (*{LOG}), a scan, a room (name or *.toml) or the URL of a scanner"
     if sys.platform != "win32" and ":" not in source and not path.exists():
-        near = did_you_mean(source, [*room_names(), *(str(file) for file in path.parent.glob("*"))])
-        raise InputError(f"{source}: there is no such file or port{near or ';'} {expected}")
+        from sonarhw.link import port_meant
+
+        port = port_meant(source)
+        near = (
+            f"; {port}"
+            if port
+            else did_you_mean(source, [*room_names(), *(str(file) for file in path.parent.glob("*"))])
+        )
+        raise InputError(f"{source}: there is no such file or port{near}{'' if near.endswith('?') else ';'} {expected}")
     return ""
 
 
