@@ -348,8 +348,6 @@ def _options_for(unknown: _UnknownOption) -> Iterator[str]:
 def _options_by_value(unknown: _UnknownOption) -> Iterator[str]:
     """Yield options of the command that the value of an unknown one names, or that take such a value."""
     value, line = unknown.value, unknown.line
-    if f"--{value}" in line.options:
-        yield f"--{value}"
     shape = first(shape for pattern, shape in _SHAPES if re.fullmatch(pattern, value))
     yield from (f"{name} {value}" for name in line.options if shape and shape in line.written(name))
     if re.fullmatch("[a-z][a-z0-9-]+", value):
@@ -528,10 +526,7 @@ def _uses_of(extra: _Extra) -> Iterator[str]:
     for other in extra.others:
         if taking := option_taking(other, line.context) or option_with_output(other, line):
             yield f"write `{' '.join([line.path, *map(shlex.quote, extra.same), taking])}`"
-    if "LOG" in line.usage and Path(word).suffix != ".mcap" and os.path.isfile(word):
-        yield use_of(word)
-    if not extra.same:
-        yield from map(use_of, extra.others)
+    yield from map(use_of, extra.others)
     yield from _uses_of_value(extra)
 
 

@@ -160,11 +160,8 @@ def _kind(source: str) -> str:
         from sonarhw.link import port_meant
 
         port = port_meant(source)
-        near = (
-            f"; {port}"
-            if port
-            else did_you_mean(source, [*room_names(), *(str(file) for file in path.parent.glob("*"))])
-        )
+        names = [*room_names(), *map(str, path.parent.glob("*"))]
+        near = f"; {port}" if port else did_you_mean(source, names)
         raise InputError(f"{source}: there is no such file or port{near}{'' if near.endswith('?') else ';'} {expected}")
     return ""
 
