@@ -46,7 +46,7 @@ from sonarhw_sim import (
     save_room,
 )
 from sonarhw_sim.predict.batch import predict_ranges
-from sonarhw_sim.predict.prediction import predict
+from sonarhw_sim.predict.settled import predict
 from sonarhw_sim.room.room_arrays import room_from_arrays
 
 from .device.fake_board import FakeBoard

@@ -89,6 +89,7 @@ def prediction_rows(scan: "PredictedScan") -> Iterator[tuple[float | int | str |
     """Yield the columns of HEADER, one row for each heading; None for an unknown value."""
     from sonarhw_sim.board.profile import OWN_BODY
 
+    scan = scan.near
     bounces, ranges = scan.paths.bounces, scan.ranges
     for k, (heading, winner) in enumerate(zip(scan.headings, scan.winners, strict=True)):
         distance = None if math.isnan(ranges[k]) else float(ranges[k])
@@ -247,10 +248,13 @@ class PredictionInput:
     model: Model
     options: "PredictionOptions"
 
-    def scan(self) -> "PredictedScan":
-        """Return the prediction by the model."""
+    def scan(self, every_path: bool) -> "PredictedScan":
+        """Return the prediction by the model, with paths beyond those of its readings if these are needed."""
         from sonarhw_sim.predict.prediction import predict_with
+        from sonarhw_sim.predict.settled import predict_readings
 
+        if self.model is Model.RAY_FOLLOWING and not every_path:
+            return predict_readings(self.room, self.place, self.board, self.headings, self.options)
         return predict_with(self.model, self.room, self.place, self.board, self.headings, self.options)
 
 
@@ -313,7 +317,7 @@ def _check_grain(grain: int, room: "Room", model: Model) -> None:
 
 def warn_of_doubts(scan: "PredictedScan", model: "Model") -> None:
     """Warn about readings in the near field or of noise, a face outside the room, and a scan without an echo."""
-    from sonarhw_sim.predict.prediction import noise_doubts
+    from sonarhw_sim.predict.settled import noise_doubts
 
     if model.follows_sound:
         _warn_of_near_field(scan)
@@ -466,7 +470,10 @@ def simulate(
     )
     given = PredictionInput(room, here, profile, _headings(order, profile, here), model, prediction)
     check_input(given, kind, settings)
-    scan = _scan_of_spreads(given, pings or 1) if probability else given.scan()
+    if probability:
+        scan = _scan_of_spreads(given, pings or 1)
+    else:
+        scan = given.scan(settings is not None or kind in (*PICTURES, *FILMS))
     warn_of_doubts(scan, model)
     if probability:
         with outputs.text_output(out, force) as file:

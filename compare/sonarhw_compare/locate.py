@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from scipy.special import expit, logit, logsumexp
 from sonarhw_sim.board.profile import Board, without_own_body
-from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
+from sonarhw_sim.predict.prediction import PredictionOptions
+from sonarhw_sim.predict.settled import predict_readings
 from sonarhw_sim.room.room import Place, Room, place_at
 
 from sonarhw.errors import InputError, counted, deviation_text, estimate_degrees, estimate_text, turned_near
@@ -611,7 +612,7 @@ def _explained(scan: PlacedScan, room: Room, board: Board, pose: Pose, options: 
     headings = np.array([board.heading_at(reading.angle, pose.heading) for reading in echoes])
     place = board.faced(replace(scan.place, position=pose.position, heading=pose.heading))
     measured = np.array([reading.range for reading in echoes], dtype=np.float64) + pose.offset
-    predicted = predict_scan(room, place, board, headings, options.prediction).ranges
+    predicted = predict_readings(room, place, board, headings, options.prediction).ranges
     return float((np.abs(measured - predicted) <= TOLERANCE).mean())
 
 

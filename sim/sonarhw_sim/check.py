@@ -12,7 +12,7 @@ from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.files import parse_table, problems_of
-from sonarhw_sim.predict.prediction import predict_scan
+from sonarhw_sim.predict.settled import predict_readings
 from sonarhw_sim.room.room import Place, Room, object_around, object_name, surface_distances, wall_distances
 from sonarhw_sim.room.room_file import MEETING, RoomFile
 from sonarhw_sim.room.room_writing import materials
@@ -313,7 +313,7 @@ def _silent_places(room: Room, board: Board) -> Iterator[Finding]:
         where = f"place {place.name!r}"
         headings = np.arange(0, math.tau, math.radians(_STEP_DEG)) if board.ring is None else board.ring.headings(place)
         try:
-            ranges = predict_scan(room, place, board, headings).ranges
+            ranges = predict_readings(room, place, board, headings).ranges
         except InputError as error:
             # the advice after the semicolon is about options that a check does not have
             text = f"its echoes cannot be predicted: {str(error).partition(';')[0]}"

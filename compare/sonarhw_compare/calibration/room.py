@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter, uniform_filter1d
 from sonarhw_sim.board.profile import ON_AXIS, Board, OwnBodyPart, without_own_body
-from sonarhw_sim.predict.prediction import PredictionOptions, paths_for, predict_scan, weigh_paths
+from sonarhw_sim.predict.prediction import PredictionOptions, paths_for, weigh_paths
+from sonarhw_sim.predict.settled import predict_readings
 from sonarhw_sim.room.room import Place, Room, parse_room
 
 from sonarhw.errors import InputError, counted, harmless
@@ -391,7 +392,7 @@ class StartingSearch:
         """Return whether each of the r readings of a scan matches, (thresholds, scales, r)."""
         if number not in self._matches:
             scan = self._scans[number]
-            tables = [predict_scan(self._room, scan.place, board, all_round()).ranges for board in self._boards]
+            tables = [predict_readings(self._room, scan.place, board, all_round()).ranges for board in self._boards]
             scales = (self._boards[0].turntable_scale * SCALES).tolist()
             turned = [replace(self._boards[0], turntable_scale=scale) for scale in scales]
             self._matches[number] = np.array([[_matching(scan, table, board) for board in turned] for table in tables])

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.special import logsumexp
 from sonarhw_sim.compiled import in_parts
-from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
+from sonarhw_sim.predict.prediction import PredictionOptions
+from sonarhw_sim.predict.settled import predict_readings
 
 from sonarhw.readings import BoolArray, FloatArray
 from sonarhw_compare.fit.likelihood import ReadingNoise
@@ -603,7 +604,8 @@ def _walls_touched(problem: Problem, values: FloatArray) -> tuple[str, ...]:
     touched: Counter[int] = Counter()
     for scan, place in zip(problem.scans, places, strict=True):
         here = board.faced(place)
-        predicted = predict_scan(room, here, board, board.heading_at(scan.angles, here.heading), problem.prediction)
+        headings = board.heading_at(scan.angles, here.heading)
+        predicted = predict_readings(room, here, board, headings, problem.prediction).near
         surfaces = predicted.paths.surfaces[predicted.winners[predicted.winners >= 0]]
         touched.update(surfaces[(surfaces >= 0) & (surfaces < len(room.walls))].tolist())
     return tuple(room.names[wall] for wall, _ in touched.most_common(MOST_WALLS))

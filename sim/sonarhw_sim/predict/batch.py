@@ -20,7 +20,6 @@ from sonarhw_sim.air import DEFAULT_BOARD, Receiver, Unit
 from sonarhw_sim.board.beam import PathsAndBeam, Sought, amplitudes_at, arrival_levels, beam_table, detected, together
 from sonarhw_sim.board.profile import Board, largest_gain, load_board, with_body
 from sonarhw_sim.board.receiver import Sound, first_echoes
-from sonarhw_sim.board.signal import RATE, pulse_table
 from sonarhw_sim.compiled import compiled, rows_in_parts
 from sonarhw_sim.predict.predicted_scan import (
     KEPT_BELOW_THRESHOLD,
@@ -36,12 +35,12 @@ from sonarhw_sim.predict.predicted_scan import (
 )
 from sonarhw_sim.predict.prediction import (
     DIFFRACTED_ALONE,
-    STEP,
     PredictionOptions,
     paths_serve_all_headings,
     predict_scan,
     search_for,
 )
+from sonarhw_sim.predict.settled import STEP, certain_length, is_planar, predict_readings
 from sonarhw_sim.rays.fan import TransducerAxes, distances_ahead, loudest_aside
 from sonarhw_sim.rays.paths import RAYS, SLACK, Paths, PathSearch, find_paths_of_places
 from sonarhw_sim.room.room import Place, Room, load_room, warn_of_poses
@@ -122,7 +121,7 @@ def predict_ranges(
     placed = np.column_stack((rows[:, :2], turns))
     wanted = _Wanted(levels, paths, (options or PredictionOptions()).max_bounces)
     sensors = None
-    if height is None and _is_planar(room, profile, options or PredictionOptions()):
+    if height is None and is_planar(room, profile, options or PredictionOptions()):
         sensors = sensors_of(room, profile, angles)
     if sensors is not None:
         readings = _in_plan(room, placed, sensors, profile, options or _options_of(profile), wanted)
@@ -214,7 +213,9 @@ def _one_by_one(
         readings = _Readings.empty(end - begin, len(angles), wanted)
         for row, place in enumerate(places[begin:end]):
             faced = board.faced(place)
-            scan = predict_scan(room, faced, board, faced.heading + board.turned(angles), options)
+            # the loudest arrival may be later than the reading
+            predict = predict_scan if wanted.levels else predict_readings
+            scan = predict(room, faced, board, faced.heading + board.turned(angles), options)
             readings.ranges[row] = scan.ranges
             if wanted.levels:
                 readings.over_threshold[row] = scan.over_threshold
@@ -223,16 +224,6 @@ def _one_by_one(
         return readings
 
     return _in_parts(len(places), predicted)
-
-
-def _is_planar(room: Room, board: Board, options: PredictionOptions) -> bool:
-    """Return whether sound travels in the plan, without noise, scattering, and faces in its way."""
-    return (
-        options.unit is Unit.PASS
-        and not (options.noise or options.single or (options.own_body and board.own_body))
-        and not room.tables
-        and not room.scattered[: room.levels.start].any()
-    )
 
 
 @dataclass(frozen=True)
@@ -525,8 +516,8 @@ def _by_first_echo(
     winners = np.append(in_time, -1)[detected(headings, of_heading, _weighed(batch, here, begins), sought)]
     # row -1, "no echo", selects the appended value
     lengths = np.append(paths.lengths, np.nan)[winners]
-    later = batch.board.wavelength(batch.room.air) if batch.board.sum_arrivals else 0.0
-    return lengths / 2, winners, np.asarray(lengths + later <= length)
+    certain = certain_length(length, batch.room, batch.board, Receiver.FIRST_ECHO)
+    return lengths / 2, winners, np.asarray(lengths <= certain)
 
 
 def _by_board(
@@ -542,6 +533,5 @@ def _by_board(
     amplitudes = strengths(batch.room, batch.board, paths) * np.exp(1j * paths.phases)
     sound = Sound(paths.lengths / speed, amplitudes, paths.leaving, paths.arriving, np.empty((0, 0), np.bool_))
     times, winners = first_echoes(headings, sound, batch.board, speed, of_heading)
-    # pulses begin before their path ends, and the sample after a detection decides on its time
-    certain = length / speed - (pulse_table(batch.board, speed).lead + 2) / RATE
-    return times * speed / 2, winners, np.asarray(times <= certain)
+    certain = certain_length(length, batch.room, batch.board, Receiver.BOARD)
+    return times * speed / 2, winners, np.asarray(times * speed <= certain)

@@ -416,7 +416,9 @@ class PredictedScan(Table):
     poses: FloatArray | None = None  # (n, 3): x, y (m) and heading (rad) of the place of each reading; None: `place`
 
     def __eq__(self, other: object) -> bool:
-        return same_values(self, other) if isinstance(other, PredictedScan) else NotImplemented
+        if not isinstance(other, PredictedScan):
+            return NotImplemented
+        return len(self.paths) == len(other.paths) and same_values(self, other)
 
     def __hash__(self) -> int:
         return hash((self.room, self.place, self.board, len(self.headings), len(self.paths)))
@@ -427,16 +429,21 @@ class PredictedScan(Table):
         return f"PredictedScan({self.board.name!r} at {x:g}, {y:g} m in {self.room.name!r}, {echoes})"
 
     @property
+    def near(self) -> "PredictedScan":
+        """The same scan without paths that are not known yet, which its readings do not need."""
+        return replace(self, paths=self.paths.known)
+
+    @property
     def ranges(self) -> FloatArray:
         """Reported range at each heading, (n,) float, m; NaN where there is no echo."""
         return self.board.reported(self.distances)
 
     def columns(self) -> dict[str, Any]:
         """Return headings (degrees), ranges and lengths of paths (m, NaN: no echo), their reflections and surfaces."""
-        echo, names = self.winners >= 0, np.full(len(self.headings), "", dtype=object)
-        names[echo] = [">".join(self.paths.via(path, self.room)) for path in self.winners[echo].tolist()]
+        echo, names, paths = self.winners >= 0, np.full(len(self.headings), "", dtype=object), self.paths.known
+        names[echo] = [">".join(paths.via(path, self.room)) for path in self.winners[echo].tolist()]
         # row -1, "no echo", selects the appended value
-        lengths, bounces = np.append(self.paths.lengths, np.nan), np.append(self.paths.bounces, 0)
+        lengths, bounces = np.append(paths.lengths, np.nan), np.append(paths.bounces, 0)
         return {
             "heading_deg": np.degrees(self.headings),
             "range_m": self.ranges,
@@ -448,6 +455,8 @@ class PredictedScan(Table):
     @cached_property
     def reported_paths(self) -> ReportedPaths:
         """The paths that gave the readings, (n,) each."""
+        if self.paths.known is not self.paths:
+            return self.near.reported_paths
         echo = self.winners >= 0
         if self.weighed_at_once:
             levels = np.where(echo, decibels(self._levels(all_arrivals=False).of_readings), np.nan)

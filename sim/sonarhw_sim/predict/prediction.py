@@ -4,15 +4,14 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
-from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from sonarhw import arguments
 from sonarhw.readings import FloatArray
-from sonarhw_sim.air import DEFAULT_BOARD, EdgeStrength, Model, Receiver, Unit
-from sonarhw_sim.board.profile import Board, largest_gain, load_board
+from sonarhw_sim.air import EdgeStrength, Model, Receiver, Unit
+from sonarhw_sim.board.profile import Board, largest_gain
 from sonarhw_sim.compiled import compiled
 from sonarhw_sim.predict.predicted_scan import (
     FAINTEST_PATCH,
@@ -33,7 +32,7 @@ from sonarhw_sim.predict.predicted_scan import (
 from sonarhw_sim.rays.fan import TransducerAxes, first_hit
 from sonarhw_sim.rays.paths import MAX_BOUNCES, RAYS, Paths, PathSearch
 from sonarhw_sim.room.grid import Surfaces
-from sonarhw_sim.room.room import Place, Room, load_room, place_doubts
+from sonarhw_sim.room.room import Place, Room
 from sonarhw_sim.space.sections import cut, paths_from, spanning_at
 
 # ray following: paths are found once for a scan, unless more than the beam turns with the head
@@ -152,9 +151,13 @@ def paths_serve_all_headings(board: Board, unit: Unit) -> bool:
     return board.mounting.turns_about_face and unit is not Unit.REFLECT
 
 
-def paths_for(room: Room, place: Place, board: Board, options: PredictionOptions) -> Paths:
-    """Return every path that `board` could detect at `place` at any heading, if one search serves all headings."""
-    return _paths(room, board.at_axis(place), board, search_for(room, board, options), options)
+def paths_for(room: Room, place: Place, board: Board, options: PredictionOptions, until: float = math.inf) -> Paths:
+    """Return every path that `board` could detect at `place` at any heading, if one search serves all headings.
+
+    Only paths up to a length of `until` (m) are searched.
+    """
+    search = replace(search_for(room, board, options), until=until)
+    return _paths(room, board.at_axis(place), board, search, options)
 
 
 def search_for(room: Room, board: Board, options: PredictionOptions) -> PathSearch:
@@ -366,64 +369,3 @@ def _there_and_back(starts: FloatArray, directions: FloatArray, distances: Float
     points = np.full((len(directions), 4, 2), np.nan)
     points[:, 0], points[:, 1], points[:, 2] = starts, touches, starts
     return points
-
-
-# a prediction in one call: `predict` of `sonarhw`
-
-
-STEP = 5  # degrees, as in `sonarhw simulate`
-
-
-@arguments.checked(
-    room=arguments.instance((Room, Path, str), "a room, its name or its file; `room_from_arrays` makes one of arrays"),
-    board=arguments.instance((Board, Path, str), "a board, its name or its file"),
-    degrees=arguments.flag,
-    model=arguments.choice(Model),
-    options=arguments.instance(PredictionOptions, "PredictionOptions"),
-)
-def predict(
-    room: Room | Path | str,
-    place: Place | Sequence[float] | FloatArray | str | None = None,
-    board: Board | Path | str = DEFAULT_BOARD,
-    headings: ArrayLike | None = None,
-    *,
-    degrees: bool = False,
-    model: Model = Model.RAY_FOLLOWING,
-    options: PredictionOptions | None = None,
-) -> PredictedScan:
-    """Return the scan that a board is predicted to report at a place of a room.
-
-    Room and board are objects, names or files. The place is a name, x and y in m with no heading or one in rad, or an
-    object; by default the only place of the room. `headings` (n,) are rad in the room, or degrees with `degrees`; by
-    default a whole turn in steps of 5 degrees, or those of the sensors of a ring. The default options have the receiver
-    of the board profile. Raises InputError. Emits a Python warning if the place is outside the room or inside an
-    object, if headings are probably degrees, or if noise hides the echoes.
-    """
-    room = room if isinstance(room, Room) else load_room(room)
-    profile = board if isinstance(board, Board) else load_board(board)
-    here = room.place(place)
-    for doubt in place_doubts(room, here):
-        arguments.emit(doubt)
-    if headings is None:
-        radians = np.radians(np.arange(0, 360, STEP)) if profile.ring is None else profile.ring.headings(here)
-    else:
-        radians = arguments.angles("headings", headings)
-        radians = arguments.in_radians("headings", radians, degrees)
-    scan = predict_with(model, room, here, profile, radians, options)
-    for doubt in noise_doubts(profile, scan.noise, scan.receiver):
-        arguments.emit(doubt)
-    return scan
-
-
-_LOUD_NOISE, _QUIET_NOISE = 0.4, 0.2  # of the threshold: a third and a twelfth of the laboratory's readings are noise
-
-
-def noise_doubts(board: Board, noise: float, receiver: Receiver) -> tuple[str, ...]:
-    """Return a warning if the noise (rms, 1 is full scale) crosses the threshold in many pings before an echo does."""
-    threshold = 10 ** (board.threshold_db / 20)
-    if receiver is not Receiver.BOARD or noise < _LOUD_NOISE * threshold:
-        return ()
-    return (
-        f"noise {noise:g}: crosses the threshold, {threshold:.2g} of full scale, in many pings, so that many readings "
-        f"are of noise; with {_QUIET_NOISE * threshold:.2g}, most are of echoes",
-    )

@@ -586,6 +586,7 @@ def follow_fan(
     steepest: FloatArray | None = None,
     passed_below: float = 0.0,
     step: int = 1,
+    until: float = math.inf,
 ) -> Fan:
     """Follow every ray from `sources` (n, 2) until its path is too long or too faint for every target.
 
@@ -593,13 +594,15 @@ def follow_fan(
     rays touch different surfaces. With `passing` there is one source; a ray that meets one of the surfaces of `passing`
     touches or passes it, and there are several for each direction, with different slopes. Those that rise or fall more
     than `steepest` lead to the receiver only: slopes (k,) for amplitudes from 0 to 1, None for no limit. In the plan,
-    rays pass posts of a radius under `passed_below` m.
+    rays pass posts of a radius under `passed_below` m. Rays stop where each way on to the receiver is longer than
+    `until` (m).
 
     Returns each sequence of surfaces to a target once, and always the direct path to every target but the receiver.
 
     Raises InputError if rays times reflections, or the candidates, would need too much memory.
     """
     search = _search(room, sources, directions, targets, max_bounces, detectable, passing, steepest, passed_below, step)
+    search = search._replace(max_return=min(search.max_return, until))
     each = len(targets.points) // len(sources)
 
     def followed(begin: int, end: int) -> tuple[CandidateTable, int, int]:
@@ -815,7 +818,7 @@ def _follow_direction(
             distance, following = first_among(
                 leg.x, leg.y, leg.dx, leg.dy, surface, walls, posts, cells, starts, numbers
             )
-            edges_too = flattest <= search.steepest[_step(leg.amplitude, search.steepest.shape[0])]
+            edges_too = flattest == 0.0 or flattest <= search.steepest[_step(leg.amplitude, search.steepest.shape[0])]
             found = _note_targets(place, receiver, leg, distance, branch, edges_too, found, search, space, table)
             if is_full(table, found, known):
                 break
@@ -840,7 +843,9 @@ def _follow_direction(
         going = branch.bounces < search.max_bounces
         if going:
             leg = _reflected(leg, distance, following, search.reflectances[following], walls, posts)
-            going = leg.amplitude * math.sqrt(leg.length / leg.width) > search.faintest
+            # 0 in a search for all headings, in which the root would take a tenth of the time
+            louder = search.faintest == 0.0 or math.sqrt(leg.length / leg.width) * leg.amplitude > search.faintest
+            going = louder and leg.amplitude > 0.0
         if going:
             surface = following
             branch = _reflected_branch(branch, following, known, table)
@@ -927,7 +932,7 @@ def _can_return(receiver: int, leg: _Leg, distance: float, search: _Search) -> b
         return False
     target_x, target_y = search.targets[receiver, 0], search.targets[receiver, 1]
     x, y = target_x - leg.x - distance * leg.dx, target_y - leg.y - distance * leg.dy
-    home = math.hypot(x, y)
+    home = math.sqrt(x * x + y * y)
     width = leg.width + leg.opening * (distance + home)
     return leg.length + distance + home - _ALLOWANCE * search.spacing * width <= search.max_return
 

@@ -75,6 +75,7 @@ class PathSearch:
     shadows: bool = True  # whether sound bends past obstacles on the way out and back, and past thin posts
     step: int = 1  # every so many rays are followed, and the others where two of these meet different surfaces
     leaving: FloatArray | None = None  # (n, rays): the most amplitude of rays of each place at departure; None: 1
+    until: float = math.inf  # m: only the paths up to this length are listed, as in a search without this limit
     small: bool = True  # whether small walls are one thing, in the plan: joined on a line, and solved by the wave
 
     @property
@@ -82,6 +83,11 @@ class PathSearch:
         """Those of the rays, (n,) rad: all round, or in front of the sender."""
         one = self.axes is not None and len(self.axes.leaving) == 1
         return fan(self.rays, float(self.axes.leaving[0]) if self.axes is not None and one else None)
+
+    @property
+    def listed(self) -> float:
+        """The greatest length of a path, m."""
+        return min(self.max_length, self.until) + SLACK
 
     @property
     def reversed(self) -> "PathSearch":
@@ -166,6 +172,11 @@ class Paths(PathTable):
         edge, bend = int(self.edges[path]), int(self.bends[path])
         return touched if edge < 0 else (*touched[:bend], room.edge_name(edge), *touched[bend:])
 
+    @property
+    def known(self) -> "Paths":
+        """The paths that are known without a search: all, or the first ones."""
+        return self
+
     def outline(self, path: int) -> FloatArray:
         """Return the points of a path from source to receiver, (k, 2) float, m."""
         points = self.points[path]
@@ -208,6 +219,15 @@ def find_paths_of_places(
     return _paths_of(partial), begins
 
 
+def paths_of_few_rays(room: Room, position: tuple[float, float], search: PathSearch) -> Paths:
+    """Return the paths by walls and posts that the rays of a search in the plan find, from `position` back to it."""
+    sources, leads_to = np.array([position], dtype=np.float64), np.array([-1], np.int32)
+    targets, below = Targets.at(sources, np.array([search.listed])), THIN * search.wavelength
+    detectable = all_rays(search.rays, 1, 1)
+    rays = follow_fan(room, sources, search.directions, targets, search.max_bounces, detectable, passed_below=below)
+    return _paths_of(shortest_first(solved_paths(room, sources, rays, targets, leads_to, None, below)))
+
+
 def _paths_between(
     room: Room, sources: FloatArray, search: PathSearch, ends: FloatArray, passing: Passing | None
 ) -> PartialPaths:
@@ -246,7 +266,7 @@ def _paths_by_clusters(
 
     out = ways(sources, ends, search)
     back = out if ends is sources else ways(ends, sources, search.reversed)
-    return by_clusters(out, back, small, room, search.edge_diffraction, (longest, bounces))
+    return by_clusters(out, back, small, room, search.edge_diffraction, (search.listed, bounces))
 
 
 def _by_rays(
@@ -282,19 +302,19 @@ def _by_rays(
         to_edges = np.where(diffracting, _longest_partial(room, sources, search), -math.inf)[:, edges]
         back = _partial_paths_from(search.reversed, posts, ends, sources, edges, to_edges, 0.0, by_posts)
     faces = room.reflectances[room.edges.faces] if faces is None else faces
-    diffracted = diffracted_paths(room, out, back, search.edge_diffraction, longest, bounces, faces)
+    diffracted = diffracted_paths(room, out, back, search.edge_diffraction, search.listed, bounces, faces)
     straight = out.select(np.flatnonzero(out.edges < 0)) if len(edges) else out
     del out, back  # a small room with posts has a million points
     if passing is not None:
         columns = diffracted.points, diffracted.surfaces, diffracted.bends, diffracted.lengths
         diffracted = diffracted.select(np.flatnonzero(at_heights(*columns, passing.to_receiver)))
-    touching = post_paths(posts, sources, ends, chains, back_ways)
+    touching = post_paths(posts, sources, ends, chains, back_ways, search.listed)
     reflected = PartialPaths.join([straight, with_thin_posts(room, touching, search.wavelength, shadows)])
     if passing is not None:
         return sequences_once(PartialPaths.join([reflected, diffracted]), both_ways)
     if shadows and search.diffraction and search.edge_strength is EdgeStrength.UNIFORM:
         limits = search.wavelength, search.faintest_diffraction
-        reflected = with_shadows(room, reflected, sources, ends, longest, bounces, limits)
+        reflected = with_shadows(room, reflected, sources, ends, search.listed, bounces, limits)
     # rays leave gaps, which are seldom the same for a path and its reverse
     reverses = missing_reverses(reflected) if both_ways else PartialPaths.none()
     parts = [reflected, reverses, diffracted]
@@ -354,13 +374,19 @@ def _partial_paths_from(
     bounces, passing = search.max_bounces, posts.passing
     steepest, leads_to = search.steepest_bent, np.tile(np.append(-1, edges).astype(np.int32), count)
     below = posts.passed_below
-    fans = [follow_fan(room, places, directions, targets, bounces, detectable, passing, steepest, below, search.step)]
+    step = search.step
+    # Fans are those of the whole search, without the ends of their rays. Where a ray meets a post, its way on may be
+    # longer than that of the path which it finds. The way on from an edge is `straight`.
+    until = search.listed + 2 * float(room.posts[:, 2].max(initial=0.0))
+    straight = np.hypot(*np.moveaxis(points - others[:, None], -1, 0))
+    near = targets._replace(longest=np.minimum(targets.longest, (search.listed - straight).ravel()))
+    fans = [follow_fan(room, places, directions, targets, bounces, detectable, passing, steepest, below, step, until)]
     if 0 < (room.posts[:, 2] < below).sum() <= _MOST_FOLLOWED:
         # rays pass thin posts: others meet them, and find paths by them with more reflections than those of chains
-        meeting = follow_fan(room, places, directions, targets, bounces, detectable, step=search.step)
+        meeting = follow_fan(room, places, directions, targets, bounces, detectable, step=step, until=until)
         fans.append(with_thin_touched(room, meeting, below))
-    partial = PartialPaths.join([solved_paths(room, places, fan_, targets, leads_to, passing, below) for fan_ in fans])
-    touching = post_paths_to_edges(posts, places, *by_posts, edges, to_edges)
+    partial = PartialPaths.join([solved_paths(room, places, fan_, near, leads_to, passing, below) for fan_ in fans])
+    touching = post_paths_to_edges(posts, places, *by_posts, edges, near.longest.reshape(count, each)[:, 1:])
     if len(touching):
         partial = PartialPaths.join([partial, _new(touching, partial)])
     partial = with_thin_posts(room, partial, search.wavelength, posts.passed_below > 0.0)

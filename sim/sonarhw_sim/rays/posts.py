@@ -660,9 +660,9 @@ def _longer(search: PostSearch, chains: Chains, between: PostWays) -> Chains:
 
 
 def post_paths(
-    search: PostSearch, sources: FloatArray, ends: FloatArray, chains: Chains, back: PostWays
+    search: PostSearch, sources: FloatArray, ends: FloatArray, chains: Chains, back: PostWays, longest: float
 ) -> PartialPaths:
-    """Return the paths by posts from `sources` to `ends`, (n, 2) each.
+    """Return the paths by posts from `sources` to `ends`, (n, 2) each, up to `longest` (m).
 
     `chains` are those from `sources`, `back` the ways from `ends` to posts.
     """
@@ -671,12 +671,12 @@ def post_paths(
     count = len(search.room.posts)
     first, second = equal_pairs(chains.places * count + chains.posts, back.starts * count + back.targets)
     kept = chains.bounces[first] + back.bounces[second] <= search.max_bounces
-    kept &= chains.lengths[first] + back.lengths[second] - chains.saved[first] <= search.max_length
+    kept &= chains.lengths[first] + back.lengths[second] - chains.saved[first] <= longest
     first, second = first[kept], second[kept]
     loud = ~chains.several[first] | may_be_louder(chains, first, back.lengths[second], search.faintest)
     first, second = first[loud], second[loud]
     sequences = joined(chains.surfaces[first], back.surfaces[second][:, ::-1])
-    targets = Targets.at(ends, np.full(len(ends), search.max_length))
+    targets = Targets.at(ends, np.full(len(ends), longest))
     return _solved(search, sources, sequences, chains.places[first], targets, np.full(len(ends), -1, np.int32))
 
 

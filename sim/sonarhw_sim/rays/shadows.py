@@ -527,5 +527,6 @@ def two_edges(first: FloatArray, second: FloatArray, correlation: FloatArray) ->
     scale = _FARTHEST / (spread + 0.3 * slope)
     radius = scale[:, :, None] * 0.5 * (_NODES + 1)
     exponent = -0.5 * (spread[:, :, None] * radius) ** 2 - np.sqrt(1j) * slope[:, :, None] * radius
-    inner = ((np.exp(exponent) * radius) @ _WEIGHTS) * 0.5 * scale
-    return np.asarray(0.5 * np.sqrt(1.0 - correlation**2) * (inner @ _WEIGHTS))
+    # sums of rows, not products with a matrix: those depend on the number of rows in the last bit
+    inner = (np.exp(exponent) * radius * _WEIGHTS).sum(axis=2) * 0.5 * scale
+    return np.asarray(0.5 * np.sqrt(1.0 - correlation**2) * (inner * _WEIGHTS).sum(axis=1))

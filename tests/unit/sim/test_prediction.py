@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.predict.predicted_scan import PredictedPing, PredictedScan, ReportedPaths, nearest_paths
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, predict_with
 from sonarhw_sim.predict.room_echoes import plate_echo
-from sonarhw_sim.room.room import Place, Room, load_room, with_material
+from sonarhw_sim.room.room import Place, Room, load_room, parse_room, with_material
 
 import sonarhw
 from sonarhw.errors import InputError
@@ -249,6 +250,62 @@ def test_ranges_are_those_of_single_predictions(name: str, board: str, height: f
     other = (np.isnan(ranges) != np.isnan(expected)) | (np.abs(ranges - expected) > 0.001)
     assert np.isfinite(expected).sum() > 2 * count
     assert other.sum() <= 1
+
+
+ALL_ROUND = np.radians(np.arange(0, 360, 5.0))
+CLUTTER = """
+name = "clutter"
+[materials.m]
+reflectance = 0.9
+[[walls]]
+name = "outline"
+points = [[0.0, 0.0], [2.6, 0.1], [2.5, 1.9], [0.1, 2.1]]
+closed = true
+material = "m"
+[[walls]]
+name = "box"
+points = [[1.6, 1.2], [1.9, 1.1], [2.0, 1.4]]
+closed = true
+material = "m"
+[[posts]]
+name = "column"
+center = [0.6, 1.5]
+radius = 0.08
+material = "m"
+[[posts]]
+name = "leg"
+center = [1.2, 0.7]
+radius = 0.01
+material = "m"
+"""
+
+
+def test_readings_from_short_paths_are_those_of_all_paths_to_the_bit() -> None:
+    boards = [load_board(name) for name in ("paper", "hc-sr04", "polaroid-6500")]
+    rooms = [load_room("arena"), load_room("laboratory"), ROOM, parse_room(CLUTTER, "clutter")]
+    settled = 0
+    for room, board in product(rooms, boards):
+        for x, y, turn in poses_in(room, 3, seed=9).tolist():
+            place = board.faced(Place("", (x, y), turn))
+            whole = predict_scan(room, place, board, ALL_ROUND)
+            scan = sonarhw.predict(room, place, board, ALL_ROUND)
+            settled += len(scan.paths.known) < len(whole.paths)
+            assert np.array_equal(scan.distances, whole.distances, equal_nan=True)
+            assert np.array_equal(scan.winners, whole.winners)
+            assert np.array_equal(scan.reported_paths.levels, whole.reported_paths.levels, equal_nan=True)
+            assert scan == whole
+    assert settled > len(rooms) * len(boards) * 3 / 2
+
+
+def test_readings_do_without_paths_that_need_too_much_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    expected = sonarhw.predict("laboratory", "bench")
+    lengths = expected.paths.lengths[expected.winners]
+    monkeypatch.setattr("sonarhw_sim.rays.fan.MOST_POINTS", 600_000)
+    scan = sonarhw.predict("laboratory", "bench")
+    assert np.array_equal(scan.ranges, expected.ranges)
+    assert np.array_equal(scan.columns()["path_m"], lengths)
+    with pytest.raises(InputError, match="too many paths"):
+        _ = scan.ping(0).echoes
 
 
 def test_paths_that_need_too_much_memory_at_once_are_searched_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -325,7 +325,7 @@ def test_paths_of_a_place_in_a_closed_box_are_not_searched(monkeypatch: pytest.M
     """In a box with lids, of strongly reflecting walls, a search takes a minute and ends with too many paths."""
     levels = '[floor]\nheight = 0.0\nmaterial = "m"\n[ceiling]\nheight = 2.5\nmaterial = "m"\n'
     inside = BOX.replace("[2.0, 1.2]", "[2.8, 0.7]\nheight = 0.3")
-    monkeypatch.setattr(check, "predict_scan", lambda *_: pytest.fail("a prediction"))
+    monkeypatch.setattr(check, "predict_readings", lambda *_: pytest.fail("a prediction"))
     box = walls.replace("]]", "]]\nclosed = true\nheight = [0.0, 0.5]\nlids = true")
     (found,) = lines(f"{inside}{WALL}{box}\n{levels}")
     assert found.startswith("place 'here': is inside the object of walls 'v[0]' to 'v[3]', at 2.8, 0.7 m")
