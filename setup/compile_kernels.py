@@ -38,7 +38,6 @@ def compile_for_demo() -> None:
     place, headings = room.place("bench"), np.radians(np.arange(0.0, 360.0, 30.0))
     scan = predict_scan(room, place, board, headings)
     nearest_paths(scan, np.arange(1), np.ones(1), 0.05)
-    _ = scan.over_threshold
     ping = scan.ping(0)
     _ = ping.levels
     ping.echo_times()
@@ -53,6 +52,7 @@ def compile_kernels() -> None:
     room, board = load_room("simple"), load_board(DEFAULT_BOARD)
     place, headings = room.place("figure9"), np.radians(np.arange(0.0, 360.0, 30.0))
     scan = predict_scan(room, place, board, headings)
+    _ = scan.over_threshold
     for model in Model:
         predict_with(model, room, place, board, headings)
     for options in OPTIONS:
