@@ -688,7 +688,7 @@ class Turns(QObject):
     """Parts of one update: all at once, or one after another with a pause."""
 
     def __init__(self, parts: Sequence[Callable[[], None]], interval: int, parent: QObject) -> None:
-        """`interval`: pause between two parts, ms."""
+        """`interval`: pause between two parts, ms. A part that is given twice is updated twice as often as others."""
         super().__init__(parent)
         self._parts = parts
         self._next = self._due = 0  # the next part, and how many are due
@@ -699,17 +699,17 @@ class Turns(QObject):
         """Update all parts."""
         self._timer.stop()
         self._due = 0
-        for part in self._parts:
+        for part in dict.fromkeys(self._parts):
             part()
 
     def soon(self) -> None:
-        """Update each part once more, in turns."""
+        """Update each part at least once more, in turns."""
         self._due = len(self._parts)
         if not self._timer.isActive():
             self._timer.start()
 
     def advance(self) -> None:
-        """Update each part once more, in turns, the first at once: one part with each frame, the last by the timer."""
+        """Update each part at least once more, in turns: the first at once, the next with later frames or the timer."""
         self._due = len(self._parts)
         self._take_turn()
 

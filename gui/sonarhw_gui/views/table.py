@@ -45,6 +45,7 @@ _KNOWN_ROLES = frozenset(
         ),
     )
 )  # roles with a value; Qt requests seven roles at each paint of a cell
+_COLUMNS = tuple(Column)  # by number, because a call of an enumeration takes longer
 _PREDICTED = frozenset((Column.PREDICTED, Column.RESIDUAL, Column.CLASS, Column.PATH, Column.SENTENCE))
 _AT_RIGHT = (Column.NUMBER, Column.HEADING, Column.MEASURED, Column.PREDICTED, Column.RESIDUAL)
 
@@ -103,7 +104,7 @@ class ReadingModel(QtCore.QAbstractTableModel):
         """Return text, mark, alignment, tooltip or colour of a cell."""
         if role not in _KNOWN_ROLES or not index.isValid() or self._shown is None:
             return None
-        row, column = int(self.order[index.row()]), Column(index.column())
+        row, column = int(self.order[index.row()]), _COLUMNS[index.column()]
         match role:
             case _Role.DisplayRole:
                 return self._text(self._shown, row, column)

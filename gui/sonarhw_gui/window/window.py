@@ -3,7 +3,6 @@
 import re
 from collections.abc import Callable, Sequence
 from functools import partial
-from itertools import zip_longest
 from pathlib import Path
 from typing import Any, cast
 
@@ -206,8 +205,9 @@ class MainWindow(QtWidgets.QMainWindow):
         self._open = False  # each part that becomes visible reports it; together, they are updated once
         plots = [partial(self._show_plot, place) for place in range(self.views.plots_beside)]
         self._texts = (self._show_texts, self._show_sentence, self._show_figures)
-        in_turns = (part for parts in zip_longest(plots, self._texts) for part in parts if part is not None)
-        self.turns = Turns(tuple(in_turns), _TURN, self)
+        others: tuple[Callable[[], None], ...] = (*plots, self._show_sentence, self._show_figures)
+        # to paint the table takes as long as several others
+        self.turns = Turns((self._show_texts, *others, *others), _TURN, self)
         # once for all tabs and plots that are created when they are first visible
         self._names_timer = QTimer(self, singleShot=True, interval=0)
         self._names_timer.timeout.connect(self._name_tab_stops)
