@@ -165,9 +165,7 @@ class LineGuess:
             return f"prints {name} at {self.baud} baud{asked}: '{self.url}'"
         if proposal.example:
             asked = "".join(f"; {question}" for question in proposal.questions) or f"; {_PATTERN_ADVICE}"
-            if _WRITE_PATTERN in asked and _FIELD in (skeleton := _skeleton(proposal.example)):
-                of_line = f"{_WRITE_PATTERN}{skeleton} with {{deg}} and {{cm}} in place of the {{-}} of angle and range"
-                asked = asked.replace(_WRITE_PATTERN, of_line, 1)
+            asked = with_pattern_of(proposal.example, asked)
             return f"prints text that no preset matches, such as {proposal.example!r}{asked}"
         return f"prints no text; {self.received} bytes were received" if self.received else "prints nothing"
 
@@ -191,9 +189,19 @@ def _has_several_ranges(layout: Layout) -> bool:
     return sum(field.kind is ColumnKind.RANGE and field.mount is None for field in fields) > 1
 
 
+def with_pattern_of(example: str, asked: str) -> str:
+    """Return the advice to write a pattern with the one of an example of the lines; other text is unchanged."""
+    skeleton = _skeleton(example)
+    if _WRITE_PATTERN not in asked or _FIELD not in skeleton:
+        return asked
+    of_line = f"{_WRITE_PATTERN}{skeleton} with {{deg}} and {{cm}} in place of the {{-}} of angle and range"
+    return asked.replace(_WRITE_PATTERN, of_line, 1)
+
+
 def _skeleton(example: str) -> str:
     """Return a pattern for a line, without its angle and its range."""
-    return re.sub(r"(?:(?<=[\s:=,;|])-)?\d+(?:[.,]\d+)?", "{-}", example)
+    point = r"\." if re.search(r"\d,-?\d+,-?\d", example) else "[.,]"  # a comma between many numbers separates them
+    return re.sub(rf"(?:(?<=[\s:=,;|])-)?\d+(?:{point}\d+)?", "{-}", example)
 
 
 def _quoted(text: str) -> str:

@@ -33,6 +33,7 @@ from sonarhw.text.numbers import Printed
 from sonarhw.text.proposals import NAMED_CLOCKWISE, LayoutProposal, TextTable, propose, text_table
 from sonarhw.text.tables import ColumnNames, Columns, column_names, columns_of, json_records
 from sonarhw.text.words import ANGLE_UNITS, RANGE_UNITS, plain_text
+from sonarhw.text_device import with_pattern_of
 from sonarhw.wire.messages import MOST_DEGREES
 from sonarhw_compare.foreign_bags import json_messages
 from sonarhw_compare.foreign_rows import LONGEST, MOST_READINGS, ForeignRow, Meaning, readings_of
@@ -328,7 +329,8 @@ def _decided(where: str, proposal: LayoutProposal, names_columns: bool) -> Layou
     if proposal.layout is not None and not proposal.questions:
         return proposal.layout
     if proposal.questions:
-        raise InputError(f"{where}: {'; '.join(map(str, proposal.questions))}")
+        asked = "; ".join(map(str, proposal.questions))
+        raise InputError(f"{where}: {with_pattern_of(proposal.example, asked)}")
     example = f", such as {proposal.example!r}" if proposal.example else ""
     hint = "give a pattern, the names of the columns, or the format; `sonarhw import --help` lists them"
     if not proposal.example:

@@ -879,10 +879,6 @@ def _of_records(
     columns = [records.column(k) for k in range(count)]
     roles = radar_roles(literals, columns, ends) or column_roles(columns, labels)
     if isinstance(roles, str):
-        if roles.endswith("write a pattern="):
-            usual = 0 if count > 1 else None  # the column of the angle
-            pattern = _pattern(literals, usual, [min(1, count - 1)], Decision("deg"), Decision("cm"), stated)
-            roles = f"{roles.removesuffix('=')}, such as pattern='{pattern}'{'' if count > 1 else ' with step=DEGREES'}"
         return LayoutProposal(None, questions=(Question(roles),), lines=len(lines), example=example)
     heading, ranges, evidence = roles
     if len(ranges) > 1 and (heading is None or any(labels[k].named for k in ranges[1:])):
