@@ -309,7 +309,6 @@ class Commands:
         self._groups: dict[str, QActionGroup] = {}
         self.actions = {command.name: self._action(command) for command in self._commands}
         self._shown_states: dict[str, tuple[bool, str | None]] = {}  # enabled and label, by name
-        self._named = [(command.name, command) for command in self._commands]
         self.stop.setShortcutContext(Qt.ShortcutContext.ApplicationShortcut)  # from a dialog in front, too
 
     def __getattr__(self, name: str) -> QAction:
@@ -333,16 +332,16 @@ class Commands:
 
     def show_state(self, session: WindowSession) -> None:
         """Enable, check and label the commands."""
-        for name, command in self._named:
+        for command, (name, action) in zip(self._commands, self.actions.items(), strict=True):
             if command.checked is not None:  # a click has changed it, even if it changed nothing else
-                self.actions[name].setChecked(command.checked(session))
-            state = command.enabled(session), command.label(session) if command.label else None
-            if state == self._shown_states.get(name):
+                action.setChecked(command.checked(session))
+            enabled, label = command.enabled(session), command.label(session) if command.label else None
+            if self._shown_states.get(name) == (enabled, label):
                 continue
-            self._shown_states[name], (enabled, label) = state, state
-            self.actions[name].setEnabled(enabled)
+            self._shown_states[name] = enabled, label
+            action.setEnabled(enabled)
             if label is not None:
-                self.actions[name].setText(label)
+                action.setText(label)
 
     def fill(self, bar: QMenuBar, views: Sequence[View], added: Mapping[str, Sequence[QAction]]) -> None:
         """Add the menus; those of the views have the actions of the views. `added`: actions that the table names."""
