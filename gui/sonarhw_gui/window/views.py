@@ -297,6 +297,12 @@ class ViewArea(QtWidgets.QMainWindow):
             dock.show()
         for stack in stacks:
             stack[0].raise_()
+        self._arranged = stacks
+        self._share_first()
+
+    def _share_first(self) -> None:
+        """Give the stacks of small views their first sizes."""
+        stacks = self._arranged
         shares = [205, 220, 265] if len(stacks) == 3 else [1] * len(stacks)
         heights = [round(self.height() * share / sum(shares)) for share in shares]
         tops = [stack[0] for stack in stacks]
@@ -342,7 +348,10 @@ class ViewArea(QtWidgets.QMainWindow):
             self._share_width()
         else:
             self._restored = True
-            self.reset_layout()
+            if self._arranged == self._stacks_for(self.screen().availableSize().height()):
+                self._share_first()
+            else:  # on another screen
+                self.reset_layout()
 
     def _stacks_for(self, height: int) -> list[list[OpenedDock]]:
         """Return the small views by stack, for a screen of this height."""

@@ -18,7 +18,7 @@ from sonarhw_gui.panels.room import RoomPanel
 from sonarhw_gui.panels.searches import CausesPanel, FindPanel, FitPanel, ScansPanel, TrackPanel
 from sonarhw_gui.session.session import Turns, WindowSession
 from sonarhw_gui.session.status import Status
-from sonarhw_gui.views.base import View
+from sonarhw_gui.views.base import ViewEntry
 from sonarhw_gui.views.legend import Legend
 from sonarhw_gui.widgets import ArrowRow, LayoutBarrier, arranged, close_dialogs
 from sonarhw_gui.window.bars import Banner, Card, Hint, StartPage, StatusBar, ToolBar
@@ -125,10 +125,11 @@ def _derived_name(stop: QtWidgets.QWidget) -> str:
     if tip:
         return re.split(r"[;(.]", tip)[0].strip()
     parent: QtWidgets.QWidget | None = stop
-    while parent is not None and not isinstance(parent, View):  # slow, so only without a tooltip
+    while parent is not None:
+        entry = getattr(parent, "entry", None)
+        if isinstance(entry, ViewEntry):
+            return f"{entry.name} plot"
         parent = parent.parentWidget()
-    if parent is not None:
-        return f"{parent.entry.name} plot"
     if isinstance(stop, QtWidgets.QScrollArea):
         return "panel"
     above = stop.parentWidget()
