@@ -18,6 +18,7 @@ IntArray = NDArray[np.int32]
 _MOST_CELLS = 1 << 20
 _MOST_LISTED = 1 << 20  # or 16 for each surface, if that is more
 _AT_ONCE = 4096  # boxes, so that memory does not grow with the number of cells that they cross
+_ONE_CELL = 9  # surfaces: to test so many takes less time than a walk from cell to cell
 _MARGIN = 3e-6  # m: a surface that ends on the line between two cells is listed in both
 
 
@@ -97,6 +98,9 @@ def _cells_around(points: FloatArray, count: int) -> Cells:
     # a section of a room may be empty
     low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(2), np.zeros(2))
     width, height = np.maximum(high - low, 1e-3)
+    if count <= _ONE_CELL:
+        side = 2 * max(width, height)
+        return Cells(float(low[0] - side / 4), float(low[1] - side / 4), float(side), 1, 1)
     # a long narrow room has a single row of square cells
     count = max(1, count)
     side = max(math.sqrt(width * height / count), max(width, height) / count)
