@@ -38,9 +38,10 @@ _FEW_RAYS, _MANY_RAYS = 360, 1440
 _AHEAD = 3.1  # times the way to the farthest surface ahead and back: how far the few rays are followed first
 _CERTAIN = 0.99  # of the length of a search: near its end, rays that posts spread may miss a path
 _BEYOND = 1.01  # of the length that the few rays find
-_FAR_APART = 1.25  # ratio of the longest reading to most: the readings of most headings are searched first
+_FAR_APART = 1.5  # ratio of the longest reading to most: the readings of most headings are searched first
 _MOST = 0.95  # share of headings
 _LONGER = 1.3  # ratio of two searches
+_MANY = 6.0  # reflections of sound on the longest paths: with fewer, the whole search takes as long as two shorter ones
 _WHOLE = 0.85  # of the whole length: a search so long takes about as much time as the whole one
 
 
@@ -86,18 +87,20 @@ def certain_length(length: float, room: Room, board: Board, receiver: Receiver) 
 def _lengths(room: Room, place: Place, board: Board, headings: FloatArray, options: PredictionOptions) -> list[float]:
     """Return the lengths (m) of searches that are likely to settle all readings, shorter ones first."""
     whole, start = _WHOLE * 2 * board.max_range, np.array(board.at_axis(place).position)
-    ahead = 2 * float(distances_ahead(np.tile(start, (len(headings), 1)), headings, room.surfaces).max())
-    # sound that leaves the room seldom returns, and only all paths show it; in a large room, most paths are needed
-    if ahead > whole:
+    distances = distances_ahead(np.tile(start, (len(headings), 1)), headings, room.surfaces)
+    # Sound that leaves the room seldom returns, and only all paths show it. In a large room, readings need most paths,
+    # and these are few.
+    if not _MANY * distances.mean() < whole:
         return []
+    ahead = 2 * float(distances.max())
     needed, receiver = np.sort(_estimated(room, place, board, headings, options, ahead)), options.receiver_of(board)
     most, farthest = float(needed[math.ceil(_MOST * len(needed)) - 1]), float(needed[-1])
     lengths = [farthest, _LONGER * farthest]
-    if receiver is Receiver.BOARD and farthest > _FAR_APART * most:
-        # such a receiver also detects sound past edges, which the few rays do not find
+    if farthest > _FAR_APART * most:
+        # at the others, an earlier echo is likely, of sound past an edge or through a gap, which the few rays miss
         lengths.insert(0, most)
     later = whole - certain_length(whole, room, board, receiver)
-    lengths = [(_BEYOND * length + later) / _CERTAIN for length in lengths]
+    lengths = [(_BEYOND * length + later) / _CERTAIN for length in lengths[:2]]  # three take longer than the whole
     return [length for length in lengths if length <= whole]
 
 
