@@ -2,10 +2,11 @@
 
     python -m benchmarks.batch [--poses 100] [--rounds 3] [--many 20000]
 
-Prints processor time for each pose, the ratio, how many readings differ by more than 1 mm from single predictions, and
-how many cores worked, by the clock. Then the same readings by the paper's algorithm (appendix A), compiled, and what a
-table of each room needs and gives. The last line is the memory that many poses need.
-`python -m benchmarks.speed` compares paths with those of pyroomacoustics.
+Prints processor time for each pose of single predictions by all paths (`predict_scan`), of those that search paths only
+as far as readings need them (`predict`), and of one call for all poses; the ratio of the first to the last, how many
+readings differ by more than 1 mm, and how many cores worked, by the clock. Then the same readings by the paper's
+algorithm (appendix A), compiled, and what a table of each room needs and gives. The last line is the memory that many
+poses need. `python -m benchmarks.speed` compares paths with those of pyroomacoustics.
 """
 
 import argparse
@@ -17,6 +18,8 @@ import numpy as np
 from sonarhw_compare.free_space import find_free_space
 from sonarhw_compare.track import PoseLikelihood
 from sonarhw_sim import compiled
+from sonarhw_sim.predict.predicted_scan import PredictedScan
+from sonarhw_sim.predict.prediction import predict_scan
 
 import sonarhw
 from benchmarks.logs import memory
@@ -47,9 +50,13 @@ def cost_of(call: Callable[[], object]) -> Cost:
     return Cost(time.process_time() - processor, time.perf_counter() - clock)
 
 
-def one_by_one(room: sonarhw.Room, board: sonarhw.Board, poses: FloatArray) -> FloatArray:
+def one_by_one(
+    room: sonarhw.Room, board: sonarhw.Board, poses: FloatArray, predict: Callable[..., PredictedScan] = predict_scan
+) -> FloatArray:
     """Return the ranges of single predictions."""
-    return np.array([sonarhw.predict(room, pose[:2], board, pose[2] + HEADINGS).ranges for pose in poses])
+    places = [sonarhw.Place("", (x, y)) for x, y, _ in poses.tolist()]
+    scans = (predict(room, place, board, pose[2] + HEADINGS) for place, pose in zip(places, poses, strict=True))
+    return np.array([scan.ranges for scan in scans])
 
 
 def measure(name: str, board_name: str, count: int, rounds: int) -> str:
@@ -57,23 +64,26 @@ def measure(name: str, board_name: str, count: int, rounds: int) -> str:
     room, board = sonarhw.load_room(name), sonarhw.load_board(board_name)
     random, space = np.random.default_rng(1), find_free_space(room)
     poses = np.array([(*space.draw(random, 0.1), random.uniform(0, 2 * np.pi)) for _ in range(count)])
-    single = one_by_one(room, board, poses)
+    expected = one_by_one(room, board, poses)
     many = np.asarray(sonarhw.predict_ranges(room, poses, HEADINGS, board))
-    other = (np.isnan(single) != np.isnan(many)) | (np.abs(single - many) > 0.001)
+    other = (np.isnan(expected) != np.isnan(many)) | (np.abs(expected - many) > 0.001)
     near = poses[0] + random.normal(size=(1000, 3)) * (0.1, 0.1, 0.1)
     likelihood = PoseLikelihood(room, board)
-    likelihood(near, HEADINGS, single[0])  # searches the paths of the cells
-    alone, together, weighed = [], [], []
+    likelihood(near, HEADINGS, expected[0])  # searches the paths of the cells
+    alone, settled, together, weighed = [], [], [], []
     for _ in range(rounds):
         alone.append(cost_of(lambda: one_by_one(room, board, poses)))
+        settled.append(cost_of(lambda: one_by_one(room, board, poses, sonarhw.predict)))
         together.append(cost_of(lambda: sonarhw.predict_ranges(room, poses, HEADINGS, board)))
-        weighed.append(cost_of(lambda: likelihood(near, HEADINGS, single[0])))
-    before, after = (min(cost.processor for cost in costs) / count * 1e3 for costs in (alone, together))
+        weighed.append(cost_of(lambda: likelihood(near, HEADINGS, expected[0])))
+    before, single, after = (
+        min(cost.processor for cost in costs) / count * 1e3 for costs in (alone, settled, together)
+    )
     in_cells = min(cost.processor for cost in weighed)
     threads = min(cost.processor for cost in together) / min(cost.clock for cost in together)
     return (
-        f"{name:10} {board_name:13}  {before:6.2f} ms  {after:6.2f} ms  {before / after:4.1f}  {other.mean():7.2%}"
-        f"  {threads:5.2f}  {in_cells:.3f} ms"
+        f"{name:10} {board_name:13}  {before:6.2f} ms   {single:6.2f} ms  {after:6.2f} ms  {before / after:4.1f}"
+        f"  {other.mean():7.2%}  {threads:5.2f}  {in_cells:.3f} ms"
     )
 
 
@@ -124,7 +134,9 @@ def main() -> None:
     parser.add_argument("--many", type=int, default=20_000)
     given = parser.parse_args()
     print(f"{given.poses} poses, {len(HEADINGS)} headings, {compiled.core_count()} cores; processor time for each pose")
-    print("room       board          predict    predict_ranges  ratio  other  cores  log-likelihood in cells")
+    print(
+        "room       board          all paths   predict    predict_ranges  ratio  other  cores  log-likelihood in cells"
+    )
     for setting in SETTINGS:
         print(measure(*setting, given.poses, given.rounds), flush=True)
     print("paper's algorithm")
