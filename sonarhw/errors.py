@@ -28,7 +28,7 @@ A message states what is wrong, where, what was expected, and what to do. It fit
 import json
 import math
 import unicodedata
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from enum import IntEnum
 
 
@@ -161,6 +161,12 @@ def shortened(text: str, most: int) -> str:
 def counted(count: int, noun: str) -> str:
     """Return a count with its noun: `1 reading`, `2 readings`."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
+def listed(words: Sequence[str], before_last: str) -> str:
+    """Return words as a list in a sentence, such as `m, ft or yd`."""
+    *others, last = words or [""]
+    return f"{', '.join(others)} {before_last} {last}" if others else last
 
 
 def counted_are(count: int, noun: str) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from statistics import fmean, median
 
-from sonarhw.errors import InputError
+from sonarhw.errors import InputError, listed
 from sonarhw.text.layouts import Layout
 from sonarhw.text.numbers import MOST_HEADING, Printed
 from sonarhw.text.words import (
@@ -26,7 +26,7 @@ _HELD, _MOST_HELD = 24, 400  # readings, until a unit is decided
 # m: the longest range in a room is at least and at most, with the usual board; their median is at least
 _LEAST_ROOM, _MOST_ROOM, _LEAST_MIDDLE = 0.5, 4.05, 0.08
 _SMALLEST, LARGEST = 0.1, 11.0  # m, longest range of any scene and board
-_FINEST, _COARSEST = 5e-5, 0.06  # m, plausible resolution of a printed range
+_FINEST, _COARSEST = 5e-5, 0.31  # m, plausible resolution of a printed range: up to whole feet
 _COMMON = ("cm", "mm", "m", "in", "ft", "yd", "us")  # units that sketches print without a name, the most common first
 LASER_CODES = (8190.0, 8191.0)  # mm, of laser rangers in place of no echo
 _CODES = (*LASER_CODES, 65535.0)  # also of modules with 16 bits
@@ -42,8 +42,8 @@ class Question:
 
     def __str__(self) -> str:
         """Return the question in words."""
-        answers = (" and ".join(f"{key}={value}" for key, value in answer.items()) for answer in self.answers)
-        return f"{self.problem}: add {' or '.join(answers)}" if self.answers else self.problem
+        answers = [" and ".join(f"{key}={value}" for key, value in answer.items()) for answer in self.answers]
+        return f"{self.problem}: add {listed(answers, 'or')}" if self.answers else self.problem
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ def range_unit(numbers: Sequence[float], named: NameMeaning, stated: Layout, wor
         if silent_number(numbers) in LASER_CODES:
             why = f"{name} assumed, because laser rangers that print {name} print {max(echoes):g} for no echo"
         return Decision(unit, True, f"unit of the range not stated: {why}; unit= changes it")
-    names = " and ".join(UNIT_NAMES[unit] for unit in candidates) or "no unit"
+    names = listed([UNIT_NAMES[unit] for unit in candidates], "and") or "no unit"
     answers = tuple({"unit": unit} for unit in candidates or RANGE_UNITS)
     return Decision(None, question=Question(f"unit of the range not stated: {spread} fits {names}", answers))
 

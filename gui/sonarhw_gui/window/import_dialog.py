@@ -369,7 +369,7 @@ def _with_labels(problem: str) -> str:
     listed = "|".join(_CHOICES)
     chosen = re.sub(rf"\badd (?=({listed})=)", "choose ", problem)
     named = re.sub(rf"\b({keys})=(\w*)", lambda key: f"“{_LABELS[key[1]]}” {_name_of(key[1], key[2])}".rstrip(), chosen)
-    return re.sub(r"(“[^”]*”) ([\w-]+) or \1", r"\1 \2 or", named)
+    return re.sub(r"(, | or )(“[^”]*”) ", lambda part: part[1] if part[2] in named[: part.start()] else part[0], named)
 
 
 def _name_of(key: str, value: str) -> str:

@@ -86,11 +86,33 @@ def test_columns_that_the_user_names_are_read_in_any_order_and_lose_no_reading(t
         ("title\nk,a,b\n", {"heading": "a", "range": "b"}),
         ("", {"heading": "column 2", "range": "column 3"}),
     ):
-        scan = imported(tmp_path, f"{header}{text}", **names)
-        assert rows_of(scan) == [(float(angle), 1000 + 100.0 * k) for k, angle in enumerate(turned)]
-        assert any("range in metres, because no unit is stated" in fact for fact in scan.read_as)
+        rows = rows_of(imported(tmp_path, f"{header}{text}", **names, unit="m"))
+        assert rows == [(float(angle), 1000 + 100.0 * k) for k, angle in enumerate(turned)]
     assert rows_of(imported(tmp_path, f"k,a,b\n{text}", heading="a", range="b", unit="cm"))[0] == (0.0, 10.0)
     assert rows_of(imported(tmp_path, f"k,a,b\n{text}", heading="a", range="b", scale=0.1))[0] == (0.0, 100.0)
+
+
+@pytest.mark.parametrize("angle", ["{:.0f}", "{:.4f}"], ids=["degrees", "radians"])
+@pytest.mark.parametrize("span", [(0.5, 1.1), (50, 86), (120, 390), (300, 2900), (4.0, 31.0)])
+def test_a_table_has_the_same_units_however_its_columns_are_named(
+    tmp_path: Path, angle: str, span: tuple[float, float]
+) -> None:
+    def decided(**named: str) -> tuple[str, list[tuple[float, float | None]]]:
+        try:
+            return "", rows_of(imported(tmp_path, text, **named))
+        except InputError as error:
+            return str(error).partition(": unit")[2], []
+
+    headings = [k * (10.0 if angle == "{:.0f}" else 0.1745) for k in range(36)]
+    ranges = [span[0] + (span[1] - span[0]) * (k * 7 % 36) / 35 for k in range(36)]
+    places = 1 if span[1] < 40 else 0
+    rows = zip(headings, ranges, strict=True)
+    text = "angle,dist\n" + "".join(f"{angle.format(a)},{r:.{places}f}\n" for a, r in rows)
+    recognised = decided()
+    assert decided(heading="angle", range="dist") == recognised
+    text = text.partition("\n")[2]
+    assert decided() == recognised
+    assert decided(heading="column 1", range="column 2") == recognised
 
 
 @pytest.mark.parametrize(

@@ -166,7 +166,7 @@ NUMBERS = {  # a line, and the question about it; none where its ranges are read
     "{a},{far:,}": "may be one number or two",  # all above 1000
     "{a};{spaced}": "may be one number or two",
     "{a:02X},{r:04X}": "may be hexadecimal",
-    "{a}\t{yards:.2f}": "unit=m or unit=ft or unit=yd",
+    "{a}\t{yards:.2f}": "unit=m, unit=ft or unit=yd",
     "{a},{range_us}": "unit=mm or unit=us",
 }
 
@@ -192,6 +192,46 @@ def test_numbers_of_any_notation_are_read_or_are_a_question(line: str, question:
     assert proposal.decided != bool(question)
     if not question:
         assert [round(1000 * reading.ranges[0]) for reading in proposal.readings] == ranges
+
+
+@pytest.mark.parametrize(
+    ("shortest", "longest", "decimals", "units"),
+    [
+        # as printed, and the units in which a person may have measured them
+        (0.5, 1.1, 1, ("m", "yd")),
+        (0.4, 1.9, 1, ("m", "ft", "yd")),
+        (0.6, 1.5, 1, ("m", "yd")),
+        (1.0, 2.1, 1, ("m", "ft", "yd")),
+        (0.3, 3.9, 1, ("m", "ft", "yd")),
+        (0.52, 1.11, 2, ("m",)),
+        (0.31, 3.86, 2, ("m",)),
+        (0.512, 2.345, 3, ("m",)),
+        (20, 390, 0, ("cm",)),
+        (12.4, 180.5, 1, ("cm",)),
+        (8, 78, 0, ("cm", "in")),
+        (9.5, 31.2, 1, ("cm", "in")),
+        (200, 3900, 0, ("mm",)),
+        (85, 827, 0, ("cm", "mm")),
+        (420, 1105, 0, ("mm",)),
+        (14, 96, 0, ("in",)),
+        (20.5, 71.3, 1, ("in",)),
+        (6, 30, 0, ("in",)),
+        (1, 6, 0, ("ft",)),
+        (2, 9, 0, ("ft",)),
+        (3, 12, 0, ("ft", "in")),
+        (1.5, 7.5, 1, ("ft", "m")),
+        (2.25, 11.75, 2, ("ft",)),
+    ],
+)
+def test_no_unit_is_assumed_while_another_one_is_plausible(
+    shortest: float, longest: float, decimals: int, units: tuple[str, ...]
+) -> None:
+    span = longest - shortest
+    ranges = [round(shortest + span * (a * a % 1901) / 1900, decimals) for a in ANGLES]
+    proposal = propose("".join(f"{a},{r:.{decimals}f}\n" for a, r in zip(ANGLES, ranges, strict=True)).encode(), True)
+    asked = {answer.get("unit", "") for question in proposal.questions for answer in question.answers}
+    assumed = {} if proposal.layout is None or proposal.questions else {proposal.layout.unit}
+    assert asked | {*assumed} >= {*units}
 
 
 def test_a_word_of_a_metric_language_leaves_out_inches_and_is_named() -> None:
