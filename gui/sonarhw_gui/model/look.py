@@ -83,7 +83,7 @@ MARKS: dict[Class, Mark] = {
         "It counts neither for nor against the prediction",
     ),
     Unclassed.MEASURED: UNCLASSED,
-    Unclassed.WAITING: Mark("not compared", "o", "measured, not compared with the prediction yet", hollow=True),
+    Unclassed.WAITING: Mark("waiting", "o", "measured, not compared with the prediction yet", hollow=True),
 }
 
 

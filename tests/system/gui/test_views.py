@@ -695,7 +695,7 @@ def test_a_dense_scan_is_compared_from_the_selected_reading_on_and_its_classes_c
     assert set(session.shown.classes) >= {Unclassed.WAITING, Kind.MATCH}
     assert 0 < len(session.shown.classes[Unclassed.WAITING].readings) <= DENSE - STRETCH
     ui.until(lambda: "readings to compare" in activity.text())
-    assert window.legend.entries[Unclassed.WAITING].text().endswith(" not compared")
+    assert window.legend.entries[Unclassed.WAITING].text().endswith(" waiting")
     assert LIGHT.of(Unclassed.WAITING) not in {LIGHT.of(kind) for kind in Kind}
     session.showing.choose(5)
     before = len(requests)
