@@ -172,8 +172,9 @@ def import_scan(
     """Convert a scan of another program to a log. The content of the file selects its format.
 
     Of text, columns and units are recognised and printed. What cannot be decided ends the command with the option that
-    decides it. --heading and --range name columns of a table ("column 2" without a header). With --room, --place
-    and --board, compare, report and fit need no options for them.
+    decides it. --heading and --range name columns of a table ("column 2" without a header); ranges are
+    then metres if no other unit is stated and metres are plausible. With --room, --place and --board, compare, report
+    and fit need no options for them.
     """
     from sonarhw_compare.imports import ImportOptions
     from sonarhw_compare.imports import import_scan as read

@@ -443,7 +443,7 @@ def _joined(
 
 
 def _of_named(lines: list[str], stated: Layout, names: ColumnNames) -> LayoutProposal:
-    """Return the proposal for columns that the user names; their units are decided as those of any other columns."""
+    """Return the proposal for columns that the user names: in metres, unless name or numbers exclude these."""
     cut = [cells_of(line, not names.decimal_comma) for line in lines]
     columns = [named_columns(cells, names) for cells in cut]
     first = next((number for number, read in enumerate(columns) if read is not None), None)
@@ -452,7 +452,10 @@ def _of_named(lines: list[str], stated: Layout, names: ColumnNames) -> LayoutPro
     rows = [cells[: read.count] for cells in cut[first:] if len(cells) >= read.count]
     named = names.heading in cut[first]
     angle = angle_unit(_column(rows, read.heading), read.angle, stated)
-    reach = range_unit(_column(rows, read.ranges[0]), read.range, stated, lines[first : first + 1])
+    numbers = _column(rows, read.ranges[0])
+    reach = range_unit(numbers, read.range, stated, lines[first : first + 1])
+    if reach.question and {"unit": "m"} in reach.question.answers and max(numbers, default=0) <= LARGEST:
+        reach = Decision("m", True, "range in metres, because no unit is stated; unit= changes it")
     layout = replace(stated, preset="csv", pattern="", ends="", unit=reach.unit, angle=angle.unit)
     columns_read = f"columns {names.heading!r} and {names.range!r}"
     where = f"{columns_read} below {lines[first]!r}" if named else columns_read

@@ -86,8 +86,9 @@ def test_columns_that_the_user_names_are_read_in_any_order_and_lose_no_reading(t
         ("title\nk,a,b\n", {"heading": "a", "range": "b"}),
         ("", {"heading": "column 2", "range": "column 3"}),
     ):
-        rows = rows_of(imported(tmp_path, f"{header}{text}", **names, unit="m"))
-        assert rows == [(float(angle), 1000 + 100.0 * k) for k, angle in enumerate(turned)]
+        scan = imported(tmp_path, f"{header}{text}", **names)
+        assert rows_of(scan) == [(float(angle), 1000 + 100.0 * k) for k, angle in enumerate(turned)]
+        assert any("range in metres, because no unit is stated" in fact for fact in scan.read_as)
     assert rows_of(imported(tmp_path, f"k,a,b\n{text}", heading="a", range="b", unit="cm"))[0] == (0.0, 10.0)
     assert rows_of(imported(tmp_path, f"k,a,b\n{text}", heading="a", range="b", scale=0.1))[0] == (0.0, 100.0)
 
@@ -108,11 +109,12 @@ def test_a_table_has_the_same_units_however_its_columns_are_named(
     places = 1 if span[1] < 40 else 0
     rows = zip(headings, ranges, strict=True)
     text = "angle,dist\n" + "".join(f"{angle.format(a)},{r:.{places}f}\n" for a, r in rows)
-    recognised = decided()
-    assert decided(heading="angle", range="dist") == recognised
+    problem, recognised = decided()
+    if "unit=m " in problem:  # metres are the default of columns that the user names
+        problem, recognised = "", decided(unit="m")[1]
+    assert decided(heading="angle", range="dist") == (problem, recognised)
     text = text.partition("\n")[2]
-    assert decided() == recognised
-    assert decided(heading="column 1", range="column 2") == recognised
+    assert decided(heading="column 1", range="column 2") == (problem, recognised)
 
 
 @pytest.mark.parametrize(
