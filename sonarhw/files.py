@@ -2,6 +2,7 @@
 
 import errno
 import os
+import re
 import select
 import shutil
 import stat
@@ -76,6 +77,47 @@ def _read_pipe(path: Path, most: int) -> bytes:
                 break
             content += piece
     return bytes(content)
+
+
+# files that no reader of data takes, recognised by their first bytes
+
+
+# what each of them is, and what to do with it
+NO_DATA = {
+    "spreadsheet": ("a spreadsheet", "save it as CSV in the spreadsheet program, then import the CSV"),
+    "document": ("a document", "save its numbers as CSV or as plain text, then import that file"),
+    "archive": ("an archive", "unpack it, and give the file in it"),
+    "picture": ("a picture", "no command reads pictures; give the file that it was made from"),
+    "page": ("a web page", "open it in a browser"),
+}
+_NO_DATA_STARTS = (
+    (rb"\x89PNG|\xff\xd8\xff|GIF8|BM.{4}\0{4}|II\*\0|MM\0\*", "picture"),
+    (rb"%PDF|\{\\rtf", "document"),
+    (rb"\s*<(!DOCTYPE html|html)", "page"),
+    (rb"\x1f\x8b|7z\xbc\xaf|Rar!|BZh[1-9]|\xfd7zXZ|.{257}ustar", "archive"),
+)
+_OLD_OFFICE = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
+_ZIP, _ZIP_NAME = b"PK\x03\x04", 30  # bytes before the name of the first file in it
+_SPREADSHEETS = (".xls", ".xlsx", ".xlsm", ".xlsb", ".ods", ".numbers")
+_DOCUMENTS = (".doc", ".docx", ".odt", ".ppt", ".pptx", ".odp", ".pages")
+
+
+def no_data(name: str, start: bytes) -> str:
+    """Return the kind, a key of `NO_DATA`, of a file that cannot be data; empty for others.
+
+    `start`: its first bytes, 512 or more. Of an office program or an archive, its `name` may show the kind.
+    """
+    if kind := next((kind for pattern, kind in _NO_DATA_STARTS if re.match(pattern, start, re.DOTALL)), ""):
+        return kind
+    ending = Path(name).suffix.lower()
+    inside = start[_ZIP_NAME:][: int.from_bytes(start[_ZIP_NAME - 4 : _ZIP_NAME - 2], "little")]
+    is_zip = start.startswith(_ZIP) and ending not in (".npz", ".npy") and not inside.endswith(b".npy")
+    if not is_zip and not start.startswith(_OLD_OFFICE):
+        return ""
+    if ending in _DOCUMENTS or b"word/" in start or b"opendocument.text" in start:
+        return "document"
+    is_sheet = not is_zip or ending in _SPREADSHEETS or b"xl/" in start or b"opendocument.spreadsheet" in start
+    return "spreadsheet" if is_sheet else "archive"
 
 
 # files that appear under their name when they are complete; logs of running scans grow reading by reading

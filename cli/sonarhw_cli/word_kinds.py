@@ -14,15 +14,12 @@ from typing import Any
 import typer
 
 from sonarhw.errors import InputError
+from sonarhw.files import NO_DATA, no_data
 
 _START = 65_536  # bytes of a file that decide
 _NAMED = 3  # files of a folder that a message names
 _MOST_FILES = 1000  # of a folder that are looked at
-_MAGIC = (
-    (rb"\x89MCAP0", "log"),
-    (rb"\x89PNG|\xff\xd8\xff|GIF8|%PDF", "picture"),
-    (rb"\s*<(!DOCTYPE html|html)", "page"),
-)
+_LOG_START = b"\x89MCAP0"
 # lines of the TOML files of this program
 _TOML = (
     (rb"(?m)^\[\[rooms\]\]|^rooms *=", "study"),
@@ -47,11 +44,10 @@ _KINDS = {
     "shipped board": ("a shipped board", "`sonarhw simulate ROOM --board {name}` predicts with it"),
     "study": ("a study file", "`sonarhw study {name}` predicts its scans"),
     "drawing": ("a file of another program", "`sonarhw room import {name}` converts a map or a drawing to a room file"),
-    "picture": ("a picture", "no command reads pictures; give the file that it was made from"),
-    "page": ("a web page", "open it in a browser"),
     "scan": ("a file of another program", "`sonarhw import {name} --out LOG.mcap` converts a scan of another program"),
     "folder": ("a folder", "give the name of a file in it{such}"),
     "URL": ("the URL of a scanner", "`sonarhw scan {name} --out LOG.mcap` records a log"),
+    **NO_DATA,
 }
 # commands for words of another kind than a command of the first name expects
 _OTHER_COMMANDS = {
@@ -108,9 +104,10 @@ def _kind_of_file(path: Path) -> str:
             start = file.read(_START)
     except OSError:
         return ""
-    # a log contains the text of its room
-    if known := next((kind for pattern, kind in _MAGIC if re.match(pattern, start)), ""):
-        return known
+    if start.startswith(_LOG_START):  # it contains the text of its room
+        return "log"
+    if other := no_data(path.name, start):
+        return other
     suffix = path.suffix.lower()
     own = next((kind for pattern, kind in _TOML if re.search(pattern, start)), "")
     if own or suffix in ("", ".toml"):
@@ -152,7 +149,13 @@ def _words_of(value: object) -> Iterator[str]:
 def _advice(word: str, kind: str, parameter: Any, context: typer.Context) -> str:
     """Return what to do with a word of another kind than a parameter expects: another option, or another command."""
     if parameter.metavar == "URL" and kind in _ROOM.split("|"):
-        return f"'fake:{word}?place=NAME' is a fake scanner in it"
+        record = f"sonarhw {context.info_name} URL --room {shlex.quote(word)}"
+        out = f" --out {shlex.quote(str(context.params['out']))}" if context.params.get("out") else ""
+        has_room = any("--room" in option.opts for option in context.command.params)
+        scanned = (
+            f"; with another scanner, write `{record}{out}`; `sonarhw ports` lists the scanners" if has_room else ""
+        )
+        return f"'fake:{word}?place={_only_place(word)}' is a fake scanner in it{scanned}"
     if other := _OTHER_COMMANDS.get((context.info_name or "", kind.rpartition(" ")[2])):
         return other.format(name=shlex.quote(word))
     if taking := option_taking(word, context, parameter):
@@ -161,6 +164,17 @@ def _advice(word: str, kind: str, parameter: Any, context: typer.Context) -> str
     inside = sorted(Path(word).iterdir())[:_MOST_FILES] if kind == "folder" else []
     named = [shlex.quote(str(path)) for path in inside if kind_of(str(path)) in kinds][:_NAMED]
     return _use(kind, word, f", such as {', '.join(named)}" if named else "")
+
+
+def _only_place(room: str) -> str:
+    """Return the place of a room that has one place; NAME of others."""
+    from sonarhw_sim.room.room import load_room
+
+    try:
+        places = [*load_room(room).places]
+    except InputError:
+        places = []
+    return places[0] if len(places) == 1 else "NAME"
 
 
 def use_of(word: str) -> str:

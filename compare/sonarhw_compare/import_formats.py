@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sonarhw.errors import InputError, did_you_mean
-from sonarhw.files import MOST_FOREIGN, open_input
+from sonarhw.files import MOST_FOREIGN, NO_DATA, no_data, open_input
 from sonarhw.text.words import ColumnKind, meaning_of, words_of
 
 if TYPE_CHECKING:
@@ -30,6 +30,13 @@ class ImportFormat:
     has_step: bool  # without angles of its own, at least in part
     reader: str = ""  # module and name of a function of these packages; empty for text
     units: str = ""  # by its definition; empty: as the content states
+
+    def title_of(self, file: Path) -> str:
+        """Return what a file in this format is."""
+        if self is not ROS:
+            return self.title
+        start = start_of_file(file, 64)
+        return f"a ROS {1 if start.startswith(b'#ROSBAG') or b'ros1' in start else 2} bag"
 
     def read(self, file: Path, meaning: "Meaning") -> "list[Reading]":
         """Return the readings of a file in this format. Raises InputError."""
@@ -134,7 +141,8 @@ MCAP = b"\x89MCAP0\r\n"
 def import_format(file: Path, rate: float | None, name: str = "") -> ImportFormat:
     """Return the format of a file: that of a name, else by its content, else by its suffix, else text.
 
-    With a sampling `rate`, text and arrays are samples. Raises InputError for a folder that is no bag.
+    With a sampling `rate`, text and arrays are samples. Raises InputError for a folder that is no bag, and for a file
+    that cannot be data, such as a spreadsheet.
     """
     if name:
         named = next((kind for kind in FORMATS if kind.name == name), None)
@@ -147,6 +155,9 @@ def import_format(file: Path, rate: float | None, name: str = "") -> ImportForma
             return ROS
         raise InputError(f"{file}: is a folder without metadata.yaml; give a file, or the folder of a bag of ROS 2")
     start = start_of_file(file)
+    if other := no_data(file.name, start):
+        is_a, advice = NO_DATA[other]
+        raise InputError(f"{file}: is {is_a}; {advice}")
     kind = _of_content(file, start)
     if kind is None:
         kind = next((kind for kind in FORMATS if file.suffix.lower() in kind.suffixes), None)

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from sonarhw import arguments
 from sonarhw.errors import NotALog, counted
+from sonarhw.files import NO_DATA, no_data
 from sonarhw.log import mcap_records
 from sonarhw.readings import (
     FloatArray,
@@ -824,6 +825,9 @@ def read_log(path: Path | str) -> Log:
         if not mcap_records.is_mcap(file):
             if path.suffix.lower() == ".toml":
                 raise NotALog(f"{path}: is a room file or a board profile; expected a log of sonarhw (*.mcap)")
+            if other := no_data(path.name, file.read(0, 512)):
+                is_a, advice = NO_DATA[other]
+                raise NotALog(f"{path}: is {is_a}; expected a log of sonarhw (*.mcap); {advice}")
             raise NotALog(
                 f"{path}: is not an MCAP file; expected a log of sonarhw; "
                 "`sonarhw import` converts a scan in CSV to a log"
