@@ -18,10 +18,12 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from sonarhw.errors import InputError, counted
+from sonarhw.errors import InputError, counted, did_you_mean
 from sonarhw.readings import FloatArray, Reading, Trace
 from sonarhw.text.evidence import REGULAR, sweeps
 from sonarhw.text.proposals import propose
+from sonarhw.text.tables import column_names
+from sonarhw.text.words import ColumnKind, meaning_of
 from sonarhw.wire.limits import LONGEST_TRACE
 from sonarhw_compare.foreign_rows import MOST_SAMPLES, ForeignRow, Meaning, opened, readings_of, short_lines
 from sonarhw_compare.import_formats import is_oscilloscope, start_of_file
@@ -150,12 +152,13 @@ def _npz(file: Path, variable: str | None) -> NDArray[np.generic]:
 _HEAD = 160  # bytes of an array of one number in an NPZ file
 
 
-def _chosen(file: Path, names: list[str], variable: str | None) -> str:
+def _chosen(file: Path, names: list[str], variable: str | None, advice: str = "") -> str:
     """Return the name of the array to read. Raises InputError without one, or if several may be meant."""
     listed = ", ".join(names) or "none"
     if variable is not None:
         if variable not in names:
-            raise InputError(f"{file}: no variable {variable!r}; its arrays: {listed}")
+            what = f"; {advice}" if advice else did_you_mean(variable, names)
+            raise InputError(f"{file}: no variable {variable!r}; its arrays: {listed}{what}")
         return variable
     if len(names) != 1:
         advice = "; add variable=NAME" if names else ""
@@ -214,20 +217,38 @@ def columns_as_text(file: Path, variable: str | None, named: bool) -> tuple[byte
     columns; otherwise angles and ranges must be recognised. Raises InputError if no arrays can be columns.
     """
     arrays = parse_apart(_numeric_arrays, file, "an NPZ, NPY or MAT file")
-    if variable is not None:
-        arrays = {_chosen(file, [*arrays], variable): arrays[variable]}
     names, columns = _columns_among(arrays)
+    advice = f"name the columns: {_names_of_columns(names, columns)}" if columns else ""
+    if variable is not None and columns and variable.rpartition(".")[2] in ["", *names]:
+        raise InputError(f"{file}: variable={variable} is one of several columns; {advice}")
+    if variable is not None:
+        arrays = {_chosen(file, [*arrays], variable, advice): arrays[variable]}
+        names, columns = _columns_among(arrays)
     rows = zip(*(column.tolist() for column in columns), strict=True)
     lines = [",".join(str(cell) if math.isfinite(cell) else "none" for cell in row) for row in rows]
     header, of_names = ([",".join(names)], f": {', '.join(names)}") if names else ([], "")
     text = "\n".join([*header, *lines, ""]).encode()
     if not columns or not (named or propose(text, begins_whole=True).layout):
         listed = ", ".join(f"{name or 'array'} {value.shape}" for name, value in arrays.items()) or "no numbers"
+        tables = "choose one table with variable=NAME" if len(arrays) > 1 else "save them as arrays of one length"
         raise InputError(
-            f"{file}: expected columns of angles and ranges with the same length, or one table of them, got {listed}; "
-            "variable=NAME selects a table; if they are received signals, the sampling rate is not stated; add rate=HZ"
+            f"{file}: no angles and ranges were recognised in {listed}; {advice or tables}; if they are received "
+            "signals, add rate=HZ, their sampling rate"
         )
     return text, f"{counted(len(columns), 'column')} of arrays{of_names}"
+
+
+def _names_of_columns(names: Sequence[str], columns: Sequence[_Array]) -> str:
+    """Return the options that name the columns of angles and ranges, as far as names and numbers show them."""
+    quoted = [*names] or [repr(name) for name in column_names(len(columns))]
+    meanings = [meaning_of(name).quantity for name in quoted]
+    swept = [sweeps(column.tolist()) >= REGULAR for column in columns]
+    angles = [k for k, meaning in enumerate(meanings) if meaning is ColumnKind.ANGLE]
+    angles = angles or [k for k, regular in enumerate(swept) if regular]
+    rest = [k for k in range(len(columns)) if k not in angles]
+    ranges = [k for k in rest if meanings[k] is ColumnKind.RANGE] or rest
+    heading, reach = (quoted[of[0]] if len(of) == 1 else "NAME" for of in (angles, ranges))
+    return f"heading={heading} range={reach}" + (f", of {', '.join(quoted)}" if "NAME" in (heading, reach) else "")
 
 
 def _columns_among(arrays: Mapping[str, _Array]) -> tuple[Sequence[str], Sequence[_Array]]:

@@ -304,11 +304,20 @@ def _check_names(where: str, data: bytes, names: ColumnNames) -> None:
     for name in wanted if table else ():
         if table and table.names.count(name) != 1 and name not in column_names(len(table.names)):
             problem = "no column" if name not in table.names else "more than one column"
-            near = did_you_mean(name, table.names) if name not in table.names else ""
+            near = _near_column(name, [other for other in table.names if other not in wanted], table.names)
             raise InputError(f"{where}: {problem} {name!r}{near or ';'} {has}")
     if not names.heading or not names.range:
         missing = "heading=" if names.range else "range="
         raise InputError(f"{where}: name the columns of both heading and range: {missing} is missing; {has}")
+
+
+def _near_column(name: str, free: Sequence[str], names: Sequence[str]) -> str:
+    """Return the column that a wrong name means, as a question: the only one without a quantity, or a similar one."""
+    if name in names:
+        return ""
+    if (numbered := f"column {name}") in names:
+        return f"; did you mean {numbered!r}?"
+    return f"; did you mean {free[0]!r}?" if len(free) == 1 else did_you_mean(name, free)
 
 
 def _content(file: Path) -> bytes:
@@ -645,7 +654,7 @@ def _read(file: Path, kind: ImportFormat, options: ImportOptions) -> ImportedSca
     readings = kind.read(file, meaning)
     scale = meaning.scale if kind is LOG else None if kind.has_traces else 1.0
     stated = ", ".join(f"{key}={value}" for key, value in options.stated.items())
-    how = f"corrected: {stated or 'nothing'}" if kind is LOG else f"read as {kind.title}"
+    how = f"corrected: {stated or 'nothing'}" if kind is LOG else f"read as {kind.title_of(file)}"
     units = (f"{kind.units}: by the definition of the format",) if kind.units else ()
     scan = ImportedScan(str(file), tuple(readings), read_as=(how, *units), scale=scale)
     if kind is not LOG:

@@ -94,7 +94,8 @@ def _of_quantity(
         raise InputError(f"free {quantity}: room {room.name!r} has no {quantity} that a fit can change; leave it out")
     if of and of not in parts:
         names = ", ".join(dict.fromkeys(parts)) or "none"
-        raise InputError(f"free {quantity}:{of}: unknown {quantity} {of!r}; room {room.name!r} has {names}")
+        near = did_you_mean(of, parts)
+        raise InputError(f"free {quantity}:{of}: unknown {quantity} {of!r}{near or ';'} room {room.name!r} has {names}")
     several = [of] if of else list(dict.fromkeys(parts)) or [""]
     return [Parameter(quantity, part, None, *bounds) for part in several]
 

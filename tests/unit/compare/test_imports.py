@@ -4,6 +4,7 @@ import json
 import math
 import re
 import struct
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -489,3 +490,21 @@ def test_scans_of_aria_have_the_pose_of_their_sensor(tmp_path: Path) -> None:
     assert [math.degrees(reading.angle) for reading in second] == pytest.approx([-90, 0, 90])
     assert second[0].pose == pytest.approx((1.1, 2.1, math.pi / 2))
     assert second[0].time - first[0].time == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(
+    ("name", "inside", "kind"),
+    [
+        ("a.xlsx", "[Content_Types].xml", "a spreadsheet"),
+        ("a.ods", "mimetype", "a spreadsheet"),
+        ("saved.bin", "xl/workbook.xml", "a spreadsheet"),
+        ("a.docx", "[Content_Types].xml", "a document"),
+        ("a.zip", "scan.csv", "an archive"),
+    ],
+)
+def test_a_file_of_an_office_program_or_an_archive_is_named(tmp_path: Path, name: str, inside: str, kind: str) -> None:
+    with zipfile.ZipFile(tmp_path / name, "w") as archive:
+        archive.writestr(inside, "x")
+    for read in (import_scan, read_log):
+        with pytest.raises(InputError, match=f"{name}: is {kind};"):
+            read(tmp_path / name)

@@ -129,7 +129,7 @@ def test_columns_of_arrays_are_read_as_those_of_a_table(form: str, tmp_path: Pat
 def test_arrays_that_are_no_columns_are_listed(tmp_path: Path) -> None:
     file = tmp_path / "scan.mat"
     savemat(file, {"a": np.zeros((40, 2)), "b": np.zeros((40, 2))})
-    with pytest.raises(InputError, match=r"got a \(40, 2\), b \(40, 2\); variable=NAME selects a table"):
+    with pytest.raises(InputError, match=r"in a \(40, 2\), b \(40, 2\); choose one table with variable=NAME"):
         import_scan(file)
 
 
