@@ -19,7 +19,7 @@ from typing import Any, ParamSpec, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from sonarhw.errors import InputError, counted, shortened
+from sonarhw.errors import InputError, counted, shortened, smaller_unit
 
 Check = Callable[[str, Any], Any]  # receives name and value of an argument, and returns the value to use
 
@@ -31,6 +31,7 @@ _MOST_SHOWN = 60  # characters of a value in a message
 _MOST_ANGLE = 1e6  # rad; far beyond, rounding turns a heading
 _LARGE_ANGLE = 10.0  # rad; headings of a turn in degrees are larger
 _FARTHEST = 30.0  # m; no sonar in air has echoes from so far
+_USUAL = 11.0  # m, the longest usual range
 
 
 def checked(**checks: Check) -> Callable[[Callable[_Parameters, _Result]], Callable[_Parameters, _Result]]:
@@ -285,5 +286,6 @@ def warn_of_centimetres(name: str, metres: NDArray[np.float64], warn: Warn = emi
     known = metres[np.isfinite(metres)]
     doubtful = bool(len(known)) and float(np.median(known)) > _FARTHEST
     if doubtful:
-        warn(f"{name}: half of them over {_FARTHEST:g} m; if they are centimetres, divide them by 100")
+        unit, count = smaller_unit(float(np.median(known)), _USUAL)
+        warn(f"{name}: half of them over {_FARTHEST:g} m; if they are {unit}, divide them by {count}")
     return doubtful

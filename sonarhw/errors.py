@@ -210,6 +210,14 @@ def number(value: float) -> str:
     return f"{value + 0.0:.9g}"
 
 
+def smaller_unit(length: float, most: float) -> tuple[str, int]:
+    """Return the unit that was probably meant for a length in metres, and how many of it are a metre.
+
+    These are centimetres if the length is then at most `most` m, else millimetres.
+    """
+    return ("centimetres", 100) if abs(length) <= 100 * most else ("millimetres", 1000)
+
+
 def text_cell(text: str) -> str:
     """Return a name as a CSV cell. No spreadsheet takes it for a formula; control characters are escapes.
 

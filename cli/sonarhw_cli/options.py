@@ -12,7 +12,7 @@ import typer
 from sonarhw_sim.air import ROOM_TOLERANCE, EdgeStrength, Model, Receiver
 from typer.core import TyperCommand, TyperGroup
 
-from sonarhw.errors import InputError, harmless, json_text, number, shortened, text_cell
+from sonarhw.errors import InputError, harmless, json_text, number, shortened, smaller_unit, text_cell
 from sonarhw.wire.limits import MOST_HEADINGS
 from sonarhw_cli import word_kinds
 
@@ -426,6 +426,22 @@ def check_scan_values(board: str | None, max_range: float | None, temperature: f
     check_temperature(temperature)
 
 
+_METRES = re.compile(r"\bmetres\b(?! per)")  # in the help of an option
+_FARTHEST, _USUAL = 30.0, 11.0  # m; longer lengths of options are probably in another unit; the longest usual range
+
+
+def warn_of_lengths(context: typer.Context) -> None:
+    """Warn of options in metres whose numbers are probably centimetres or millimetres."""
+    for parameter in context.command.params:
+        given = context.params.get(parameter.name or "")
+        in_metres = _METRES.search(getattr(parameter, "help", None) or "")
+        for length in given if isinstance(given, list | tuple) else [given]:
+            if in_metres and isinstance(length, float) and _FARTHEST < abs(length) <= 1000 * _USUAL:
+                unit, count = smaller_unit(length, _USUAL)
+                name = parameter.opts[0]
+                warn(f"{name} is in metres: {length:g} m; if these are {unit}, write {name} {length / count:g}")
+
+
 def check_temperature(temperature: float | None) -> None:
     """Raise InputError if --temperature is not between -40 and 60 °C."""
     if temperature is not None and not -40 <= temperature <= 60:
@@ -565,6 +581,7 @@ class _PlainCommand(TyperCommand):
     def invoke(self, ctx: Any) -> Any:
         word_kinds.check_kinds(ctx)
         check_rules(ctx, [rule for rule in RULES if rule.command == self.name])
+        warn_of_lengths(ctx)
         return super().invoke(ctx)
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:

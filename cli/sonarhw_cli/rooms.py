@@ -11,7 +11,7 @@ from sonarhw_compare.picture_file import PICTURES
 from sonarhw_compare.room_import import REFLECTANCE
 from sonarhw_sim.air import DEFAULT_BOARD
 
-from sonarhw.errors import InputError, counted
+from sonarhw.errors import InputError, counted, smaller_unit
 from sonarhw_cli.options import BoardName, CommandList, Force, Profile, RoomName, print_json, print_line, print_note
 from sonarhw_cli.outputs import NewFile, checked_out, write_figure, write_template, write_text
 
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 
 REFUSED = 2  # exit status
+_LARGEST, _USUAL = 100.0, 20.0  # m, the longest side of a new room, and of a usual one
 NewRoomFile = Annotated[Path, typer.Argument(help="File to create.", metavar="NAME.toml")]
 
 room_app = CommandList(help="List, write, import and check room files.", no_args_is_help=True)
@@ -72,6 +73,10 @@ def _write_empty_room(file: Path, size: str, place: str | None) -> None:
         pose = None if place is None else read_pose(place)
     except ValueError:
         raise InputError(f"--place {place}: expected X,Y in metres, such as 1.6,0.12, or X,Y,DEG") from None
+    if max(width, depth) > _LARGEST:
+        unit, count = smaller_unit(max(width, depth), _USUAL)
+        meant = f"if these are {unit}, write --size {width / count:g}x{depth / count:g}"
+        raise InputError(f"--size {size}: expected metres, at most {_LARGEST:g}; {meant}")
     write_text(file, rectangular_room(width, depth, pose, name=file.stem).text, False)
     if pose is None:
         print_note("place 'scanner': in the middle, heading 0, along x; --place X,Y,DEG states another one")

@@ -16,7 +16,7 @@ from sonarhw.errors import InputError, counted, in_degrees
 from sonarhw.files import atomic_file
 from sonarhw.wire.limits import LONGEST_TRACE
 from sonarhw_cli import options, outputs
-from sonarhw_cli.inputs import chosen_place, open_room, print_place
+from sonarhw_cli.inputs import note_assumed_heading, open_room, print_place
 
 if TYPE_CHECKING:
     import numpy as np
@@ -350,6 +350,15 @@ def _warn_of_silence(scan: "PredictedScan") -> None:
         options.warn(f"no echo: {reason_for_silence(scan.room, scan.place, scan.board)}")
 
 
+def _repeat_silence_outside(scan: "PredictedScan") -> None:
+    """Warn again below many rows without an echo that the place is outside the room."""
+    import numpy as np
+    from sonarhw_sim.room.room import place_doubts
+
+    if np.isnan(scan.ranges).all() and scan.room.is_outside(scan.place.position):
+        options.warn(f"no heading has an echo: {'; '.join(place_doubts(scan.room, scan.place))}")
+
+
 def _warn_of_face_outside(scan: "PredictedScan") -> None:
     """Warn if the place is inside the room, but the mount or ring puts the face outside."""
     if scan.board.mounting.turns_about_face or scan.room.is_outside(scan.place.position):
@@ -457,7 +466,11 @@ def simulate(
     order = options.order_in_degrees(start, stop, step)
     options.warn_of_radians(start, stop)
     room, profile = open_room(room_name), load_board(board)
-    here = profile.faced(chosen_place(room, place))
+    named = room.place(place)
+    print_place(room, named)
+    if profile.ring is not None or kind == options.LOG:  # in which headings are those of the turntable
+        note_assumed_heading(place)
+    here = profile.faced(named)
     prediction = PredictionOptions(
         unit=unit,
         edge_strength=edge_strength,
@@ -480,6 +493,8 @@ def simulate(
             options.write_rows(file, PROBABILITY_HEADER, probability_rows(scan, pings, room_tolerance))
     else:
         _write(scan, kind, out, force, settings, room_name)
+    if out == options.STDOUT:
+        _repeat_silence_outside(scan)
 
 
 def _write(

@@ -819,7 +819,7 @@ def room_doubts(room: Room) -> tuple[str, ...]:
     return tuple(doubts)
 
 
-_PROBABLY_CENTIMETRES = 20  # a coordinate outside the room
+_PROBABLY_SMALLER = 20  # a coordinate outside the room that is probably in a smaller unit than metres
 
 
 def surface_distances(room: Room, point: FloatArray) -> FloatArray:
@@ -833,11 +833,12 @@ def place_doubts(room: Room, place: Place) -> tuple[str, ...]:
     x, y = place.position
     where = f"place {place.name!r} at {x:g}, {y:g} m is"
     if room.is_outside(place.position) or room.is_far_from(place.position):
-        metres = (x / 100, y / 100)
-        is_far = max(abs(x), abs(y)) >= _PROBABLY_CENTIMETRES and not room.is_outside(metres)
-        hint = f"; if these are centimetres, it is at {x / 100:g}, {y / 100:g} m" if is_far else ""
+        is_far = max(abs(x), abs(y)) >= _PROBABLY_SMALLER
+        units = (("centimetres", 100), ("millimetres", 1000)) if is_far else ()
+        inside = ((unit, x / n, y / n) for unit, n in units if not room.is_outside((x / n, y / n)))
         (left, bottom), (right, top) = _corners(room)
-        hint = hint or f", whose walls are between {left:g}, {bottom:g} and {right:g}, {top:g} m"
+        hint = f", whose walls are between {left:g}, {bottom:g} and {right:g}, {top:g} m"
+        hint = next((f"; if these are {unit}, it is at {a:g}, {b:g} m" for unit, a, b in inside), hint)
         return (f"{where} outside room {room.name!r}{hint}",)
     walls = object_around(room, place)
     if walls is not None:

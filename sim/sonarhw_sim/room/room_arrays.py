@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sonarhw import arguments
-from sonarhw.errors import InputError, counted
+from sonarhw.errors import InputError, counted, smaller_unit
 from sonarhw.readings import FloatArray
 from sonarhw_sim.room.room import Place, Room, parse_room, place_at
 from sonarhw_sim.room.room_file import MAX_COORDINATE, MEETING
@@ -19,6 +19,7 @@ Reflectances: TypeAlias = float | ArrayLike | Mapping[str, float]
 
 REFLECTANCE = 0.95  # of a hard wall, as in the shipped rooms
 _LARGE = 100.0  # m; a larger room is probably not in metres
+_USUAL = 20.0  # m, the largest usual room
 _WALLS = "a polygon (n, 2), segments (n, 2, 2), a list or mapping of these, or an object with __geo_interface__"
 _POSTS = "x, y and radius in metres"
 
@@ -234,4 +235,5 @@ def _warn_of_centimetres(room: Room) -> None:
     ends = np.vstack((room.walls.reshape(-1, 2), room.posts[:, :2]))
     extent = float(np.ptp(ends, axis=0).max())
     if extent > _LARGE:
-        arguments.emit(f"walls: the room extends over {extent:g} m; if these are centimetres, divide them by 100")
+        unit, count = smaller_unit(extent, _USUAL)
+        arguments.emit(f"walls: the room extends over {extent:g} m; if these are {unit}, divide them by {count}")
