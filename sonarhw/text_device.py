@@ -2,6 +2,7 @@
 
 import math
 import re
+import shlex
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
@@ -194,7 +195,8 @@ def with_pattern_of(example: str, asked: str) -> str:
     skeleton = _skeleton(example)
     if _WRITE_PATTERN not in asked or _FIELD not in skeleton:
         return asked
-    of_line = f"{_WRITE_PATTERN}{skeleton} with {{deg}} and {{cm}} in place of the {{-}} of angle and range"
+    fields = "{deg} and {cm} in place of the {-} of angle and range"
+    of_line = f"{_WRITE_PATTERN}{shlex.quote(skeleton)} with {fields}"
     return asked.replace(_WRITE_PATTERN, of_line, 1)
 
 

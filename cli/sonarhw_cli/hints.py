@@ -247,7 +247,7 @@ def _members_for(word: str, line: RefusedLine) -> Iterator[str]:
     if "list" in line.commands and shipped and word not in shipped:
         yield f"{group} list"
     if group == "room" and other_words.COMMANDS.get(word) == "gui":
-        yield "gui"
+        yield " ".join(["gui", *map(shlex.quote, following)])
     for name, others in other_words.COMMANDS_OF_GROUPS.items():
         if name in line.commands and word in others.split():
             yield f"{group} {name}"
@@ -326,7 +326,7 @@ def _options_for(unknown: _UnknownOption) -> Iterator[str]:
     kinds = [kind for argument in line.accepted[:1] for kind in line.kinds_of(argument)]
     kind = kind_of(unknown.value)
     if kind and kind in kinds:
-        yield line.argument_expected or ("" if line.has_argument else meant(f"{line.path} {unknown.value}"))
+        yield ("" if line.has_argument else meant(line.with_argument(option, unknown.value))) or line.argument_expected
     names = [f"--{word}", f"--{word.removesuffix('s')}"] if len(word) > 1 else []
     yield from (meant(name) for name in names if name in line.options)
     baud = line.instead_of("baud") if _RATE.fullmatch(unknown.value) else ""
@@ -476,7 +476,7 @@ def _about_extra(message: str, line: RefusedLine) -> str:
     if other := _mistyped_option(extra) or _command_of(extra):
         return f"{message}; {meant(other)}"
     hint = first(_values_for(extra)) or first(_uses_of(extra))
-    return joined(message, f"expected `{line.usage}`", line.see, hint)
+    return joined(message, f"expected `{line.usage}`", hint, line.see)
 
 
 def _divided_url(extra: _Extra) -> str:
@@ -581,6 +581,11 @@ def command_message(message: str, arguments: Sequence[str], program: Any) -> str
 _Match = re.Match[str]
 
 
+def _room_and_place(_match: _Match, line: RefusedLine) -> str:
+    listed = "`sonarhw room list` lists the shipped rooms"
+    return f"{listed}; --place gives the place in it" if {"--place"} & {*line.options} - {*line.arguments} else listed
+
+
 def _value_of_flag(match: _Match, line: RefusedLine) -> str:
     flag = first(flag for flag, word in pairwise(line.arguments) if flag in line.flags and word == match[1])
     return f"{flag} takes no value" if flag else ""
@@ -638,7 +643,9 @@ def _room_with_place(match: _Match, line: RefusedLine) -> str:
 
 
 def _plain_port(match: _Match, _line: RefusedLine) -> str:
-    port = re.sub(r"(?i)^[\\/.]*(com\d+)$", lambda name: name[1].upper(), match[1].strip(":,;.'\""))
+    port = match[1].strip(":,;.'\"")
+    if os.name == "nt" or not port.startswith("\\\\"):  # such a name of Windows is no other port here
+        port = re.sub(r"(?i)^[\\/.]*(com\d+)$", lambda name: name[1].upper(), port)
     port = re.sub(r"^(?!lines?:)\w+:/*(?=/dev/|COM\d)", "", port)
     port = re.sub(r"^socket:?/*(?=[\w.-]+:\d+$)", "socket://", port)
     return meant(port) if port != match[1] and kind_of(port) == "URL" else ""
@@ -682,6 +689,7 @@ def _similar_name(match: _Match, _line: RefusedLine) -> str:
 
 
 _COMMAND_RULES: tuple[tuple[str, Callable[[_Match, RefusedLine], str]], ...] = (
+    (r".+: contains no room; give one with --room", _room_and_place),
     (r"(.+?): no ", _value_of_flag),
     (r"(\S+): ", _without_hyphens),
     (r"(\S+): no such file", _stray_value),

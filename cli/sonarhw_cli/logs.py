@@ -226,7 +226,7 @@ def _board_in(metadata: "LogMetadata") -> "Board | None":
 def _with_options(question: str) -> str:
     """Return a question with the options of this command in place of the keys of a URL."""
     of_file = r"(?<!\w)'[^']*'(?!\w)|\"[^\"]*\""  # quoted, not a key
-    keys = rf"{of_file}|(?<![\w-])(?:({'|'.join(_keys())})=(\S*)|decimal_comma(?=: only))"
+    keys = rf"{of_file}|(?<![\w-])(?:({'|'.join(_keys())})=('[^']*'|\S*)|decimal_comma(?=: only))"
 
     def option(match: re.Match[str]) -> str:
         if match[1]:

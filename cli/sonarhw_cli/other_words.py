@@ -64,6 +64,11 @@ _HEADING = "angle azimuth bearing dir direction heading orientation theta yaw"
 _READ = "csv-file data file filename i in infile input log scan"
 # the first that applies to the command is printed
 _OTHER_OPTIONS = (
+    _Instead(
+        "an existing file is never overwritten: choose another name, or delete it",
+        "f force overwrite replace y yes",
+        "NAME.TOML",
+    ),
     _Instead("`sonarhw ports` lists the scanners", "detect devices discover list list-ports ports search", "URL"),
     _Instead("--guess tries the usual baud rates", "baud baudrate b rate speed", "PORT"),
     _Instead("without an option, `sonarhw ports` lists all", "a all l list", "PORT", option="--guess"),

@@ -145,6 +145,14 @@ class RefusedLine:
         """The required argument, if the command is run with options alone."""
         return "" if self.has_argument else first(argument.metavar for argument in self.accepted if argument.required)
 
+    def with_argument(self, option: str, value: str) -> str:
+        """Return the line with the value of an option as its argument; empty if it has other unknown options."""
+        words = [*self.behind(self.path.split()[-1])]
+        row = words.index(option)
+        rest = [*words[:row], *words[row + 2 :]]
+        is_known = all(word in self.options for word in rest if word.startswith("-"))
+        return shlex.join([*self.path.split(), value, *rest]) if is_known else ""
+
     @cached_property
     def argument_expected(self) -> str:
         """Where the missing argument stands."""

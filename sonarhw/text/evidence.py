@@ -1,6 +1,7 @@
 """Decides units, and which number is the angle and the range, from numbers and words; or states what is undecided."""
 
 import math
+import shlex
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -42,8 +43,13 @@ class Question:
 
     def __str__(self) -> str:
         """Return the question in words."""
-        answers = [" and ".join(f"{key}={value}" for key, value in answer.items()) for answer in self.answers]
+        answers = [" and ".join(f"{key}={_quoted(value)}" for key, value in answer.items()) for answer in self.answers]
         return f"{self.problem}: add {listed(answers, 'or')}" if self.answers else self.problem
+
+
+def _quoted(value: str) -> str:
+    """Return a value in quotes, as a shell needs it, if it is a pattern."""
+    return shlex.quote(value) if "{" in value else value
 
 
 @dataclass(frozen=True)

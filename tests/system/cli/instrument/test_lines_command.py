@@ -154,7 +154,8 @@ def test_guess_leaves_a_pattern_open(monkeypatch: pytest.MonkeyPatch, capsys: py
     both = (b"angle:%d,left:%d,right:%d\n" % (a, 150 + a % 7, 90 + a * 5 % 11) for a in angles)
     with PrintingDevice(piece for pair in zip(lines, both, strict=True) for piece in pair) as device:
         assert run(["ports", "--guess", device.port]) == 0
-    pattern = "write a pattern=angle:{-},left:{-},right:{-} with {deg} and {cm} in place of the {-} of angle and range"
+    fields = "with {deg} and {cm} in place of the {-} of angle and range"
+    pattern = f"write a pattern='angle:{{-}},left:{{-}},right:{{-}}' {fields}"
     assert pattern in capsys.readouterr().out
 
 
