@@ -367,20 +367,23 @@ def test_the_predicted_size_of_a_log_is_within_a_third(tmp_path: Path, trace: bo
 
 
 class Drive:
-    """A drive that can be removed; after that, fsync fails."""
+    """A drive that can be removed; after that, fsync of its file fails."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, path: Path) -> None:
         self.removed = False
         self._path = path
         self._synchronised = queue.Queue[int]()
         self._fsync = os.fsync
+        self._file: int | None = None  # inode of the file on the drive, which is the first one
         monkeypatch.setattr(os, "fsync", self._synchronise)
 
     def _synchronise(self, descriptor: int) -> None:
-        if self.removed:
+        status = os.fstat(descriptor)
+        self._file = status.st_ino if self._file is None else self._file
+        if self.removed and status.st_ino == self._file:
             self._synchronised.put(sys.maxsize)
             raise OSError(errno.EIO, os.strerror(errno.EIO))
-        size = os.fstat(descriptor).st_size
+        size = status.st_size
         self._fsync(descriptor)
         self._synchronised.put(size)
 
