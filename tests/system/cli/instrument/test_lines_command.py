@@ -126,7 +126,7 @@ def test_guess_gives_the_url_with_each_answer(capsys: pytest.CaptureFixture[str]
         assert run(["ports", "--guess", device.port]) == 0
     answers = [{"unit": "m"}, {"unit": "ft"}, {"unit": "yd"}]
     assert [question["answers"] for question in found["questions"]] == [answers]
-    assert found["undecided"] == [f"{found['questions'][0]['problem']}: add unit=m or unit=ft or unit=yd"]
+    assert found["undecided"] == [f"{found['questions'][0]['problem']}: add unit=m, unit=ft or unit=yd"]
     urls = found["answered_urls"]
     assert [read_lines_url(url).layout.unit for url in urls] == ["m", "ft", "yd"]
     assert capsys.readouterr().err.splitlines()[-3:] == [
