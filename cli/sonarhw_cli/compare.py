@@ -127,7 +127,7 @@ def compare_log(
     scan, room, chosen = open_in_room(log_file, room_name, board)
     from sonarhw_compare import one_call
 
-    where = at_height(place, height)
+    where = at_height(place, height, room)
     with progress_of_fit(fit) as tick:
         return one_call.compare(scan, room, where, chosen, fit=fit, progress=tick, warn=options.warn, **settings)
 

@@ -156,8 +156,11 @@ def place_without_room(text: str) -> str:
     return text
 
 
-def at_height(place: str | None, height: float | None) -> "Place | str | None":
-    """Return a place, with this height (m) if it is at X,Y. Raises InputError for the height of another place."""
+def at_height(place: str | None, height: float | None, room: "Room | None") -> "Place | str | None":
+    """Return a place, with this height (m) in the room if it is at X,Y.
+
+    Raises InputError for the height of another place, or one that is not in the room or has no effect there.
+    """
     from sonarhw_sim.room.room import typed_place
 
     if height is None:
@@ -165,6 +168,8 @@ def at_height(place: str | None, height: float | None) -> "Place | str | None":
     typed = typed_place(place or "")
     if typed is None:
         raise InputError(f"--height {height:g}: give --place X,Y,DEG, too; places of a room file have their own height")
+    if room is not None:
+        room.check_height(height)
     return replace(typed, height=height)
 
 

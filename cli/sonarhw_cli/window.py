@@ -50,7 +50,7 @@ class _Request:
         scene = replace(scene, options=replace(scene.options, receiver=self.receiver)) if self.receiver else scene
         if self.height is None:
             return scene
-        at_height(self.place, self.height)
+        at_height(self.place, self.height, scene.room)
         return replace(scene, place=scene.place and replace(scene.place, height=self.height))
 
 

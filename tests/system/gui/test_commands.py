@@ -283,7 +283,7 @@ def test_a_window_is_painted_before_it_predicts(qapp: object, scene: Scene, tmp_
 def test_height_and_receiver_of_the_options_are_those_of_the_prediction(monkeypatch: pytest.MonkeyPatch) -> None:
     starts: list[WindowStart] = []
     monkeypatch.setattr("sonarhw_cli.window._run", lambda start: starts.append(start) or 0)
-    assert run(["gui", "simple", "--place", "1,1,0", "--height", "0.9", "--receiver", "board"]) == 0
+    assert run(["gui", "doorstep", "--place", "1,1,0", "--height", "0.9", "--receiver", "board"]) == 0
     scene = starts[0].scene
     assert scene.room
     assert scene.place
