@@ -34,6 +34,12 @@ _WITHIN = {"ge": operator.ge, "gt": operator.gt, "le": operator.le, "lt": operat
 _PLACE = re.compile(r"\(at line (\d+), column \d+\)$")
 _DECIMAL_COMMA = re.compile(r"= *[+-]?\d+,\d")
 _POINT_ADVICE = "; write numbers with a point, such as 0.95"
+# what is missing, by the begin of the parser's message, which states the next line
+_MISSING = {
+    "Unclosed array": "; a ] is missing before it",
+    "Unclosed inline table": "; a } is missing",
+    "Illegal character '\\n'": "; a quotation mark is missing at the end",
+}
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 
 
@@ -72,13 +78,13 @@ def parse_table(text: str, where: str) -> dict[str, Any]:
 
 
 def _line_of(error: tomllib.TOMLDecodeError, text: str) -> str:
-    """Return the line of the error, and what to do about a decimal comma; empty at the end of the file."""
+    """Return the line of the error, except at the end of the file, and what is missing or wrong there."""
     place = _PLACE.search(str(error))
+    advice = next((what for start, what in _MISSING.items() if str(error).startswith(start)), "")
     if place is None:
-        return ""
+        return advice
     line = text.split("\n")[int(place[1]) - 1].strip()
-    advice = _POINT_ADVICE if _DECIMAL_COMMA.search(line) else ""
-    return f": {quoted(line)}{advice}"
+    return f": {quoted(line)}{_POINT_ADVICE if _DECIMAL_COMMA.search(line) else advice}"
 
 
 def checked(values: dict[str, Any], where: str, model: type[Model]) -> Model:

@@ -108,7 +108,7 @@ def refusal(parse: Callable[[str, str], object], text: str) -> str:
         ("deg = 0.0, freq", "deg = 60.0, freq", "got 2 rows for 60° at 50000 Hz"),
         ("50000.0", "50.0", "frequency: expected greater than or equal to 1000 Hz, got 50.0; if this is in kHz, write"),
         # not TOML
-        ("position = [0.2, 0.3]", "position = [0.2", "not TOML"),
+        ("position = [0.2, 0.3]", "position = [0.2", "; a ] is missing before it"),
         ("radius = 0.5", "radius = 0,5", "'radius = 0,5'; write numbers with a point"),
     ],
 )
