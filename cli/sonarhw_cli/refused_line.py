@@ -138,7 +138,7 @@ class RefusedLine:
         """The message about an option that took the next option as its value."""
         pairs = pairwise(self.arguments)
         names = (name for name, value in pairs if name in self.options.keys() - self.flags and value in self.options)
-        return first(f"{self.value_expected(name)}" for name in names)
+        return first(map(self.value_expected, names))
 
     @cached_property
     def missing_argument(self) -> str:

@@ -27,6 +27,7 @@ from sonarhw_sim.predict.predicted_scan import (
     decibels,
     faintest_kept,
     is_blanked,
+    is_in_range,
     loud_enough,
     pairs_heard,
     paths_of_readings,
@@ -42,7 +43,7 @@ from sonarhw_sim.predict.prediction import (
 )
 from sonarhw_sim.predict.settled import STEP, certain_length, is_planar, predict_readings
 from sonarhw_sim.rays.fan import TransducerAxes, distances_ahead, loudest_aside
-from sonarhw_sim.rays.paths import RAYS, SLACK, Paths, PathSearch, find_paths_of_places
+from sonarhw_sim.rays.paths import RAYS, Paths, PathSearch, find_paths_of_places
 from sonarhw_sim.room.room import Place, Room, load_room, warn_of_poses
 from sonarhw_sim.room.room_file import MAX_COORDINATE
 
@@ -388,7 +389,7 @@ def _describe(
 
 def _in_time(batch: _Batch, paths: Paths) -> BoolArray:
     """Return which paths arrive after blanking and within range, (p,)."""
-    return ~is_blanked(paths.lengths, batch.board, batch.room) & (paths.lengths <= 2 * batch.board.max_range + SLACK)
+    return ~is_blanked(paths.lengths, batch.board, batch.room) & is_in_range(paths.lengths, batch.board)
 
 
 def _weighed(batch: _Batch, paths: Paths, begins: NDArray[np.intp]) -> PathsAndBeam:

@@ -220,6 +220,11 @@ def is_blanked(lengths: FloatArray, board: Board, room: Room) -> BoolArray:
     return np.asarray(lengths / 2 < board.blanked_range(room.air))
 
 
+def is_in_range(lengths: FloatArray, board: Board) -> BoolArray:
+    """Return which paths of these lengths (m) arrive within range, same shape."""
+    return np.asarray(lengths <= 2 * board.max_range + SLACK)
+
+
 def strengths(room: Room, board: Board, paths: Paths) -> FloatArray:
     """Return the amplitude of every path without the beam, (p,) float."""
     return np.asarray(paths.gains * 10 ** (-uncompensated_db(paths.lengths, board, room.air) / 20))
@@ -502,7 +507,7 @@ class PredictedScan(Table):
     @cached_property
     def in_range(self) -> BoolArray:
         """Which paths arrive within range, (p,) bool."""
-        return np.asarray(self.apparent_lengths <= 2 * self.board.max_range + SLACK)
+        return is_in_range(self.apparent_lengths, self.board)
 
     @cached_property
     def in_time(self) -> BoolArray:
