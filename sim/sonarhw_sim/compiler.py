@@ -289,7 +289,8 @@ class _Progress(_event.Listener):  # type: ignore[misc]  # numba declares no typ
     """Counts compiled kernels and reports them."""
 
     def __init__(self) -> None:
-        self._done = self._depth = 0
+        self._compiled: set[Any] = set()  # kernels; one that is compiled for several types of arguments counts once
+        self._depth = 0
         self._reported = self._collects = False
 
     def on_start(self, _: Any) -> None:
@@ -299,12 +300,14 @@ class _Progress(_event.Listener):  # type: ignore[misc]  # numba declares no typ
             self._collects = gc.isenabled()
             gc.disable()
         self._depth += 1
-        watcher().compiling(self._done, kernel_count())
+        watcher().compiling(len(self._compiled), kernel_count())
 
     def on_end(self, happened: Any) -> None:
         """Count the kernel; report the end if no caller of the kernel is being compiled."""
         self._depth -= 1
-        self._done += isinstance(happened.data["dispatcher"]._cache, _KernelCache)
+        dispatcher = happened.data["dispatcher"]
+        if isinstance(dispatcher._cache, _KernelCache):
+            self._compiled.add(dispatcher)
         if not self._depth:
             if self._collects:
                 # at its end, a search would take another second; instead, the process that compiles keeps 80 MB more
