@@ -5,11 +5,13 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from sonarhw_sim.air import Model
-from sonarhw_sim.board.profile import Board, is_own_body
+from sonarhw_sim.board.profile import Board, of_own_body
 from sonarhw_sim.predict.predicted_scan import PredictedScan, nearest_paths
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_along, predict_with
 from sonarhw_sim.room.room import Place, Room
@@ -78,14 +80,34 @@ class Summary:
     origin: str = Origin.MEASURED.value  # of the readings
 
 
-@dataclass(frozen=True)
+KINDS = tuple(Kind)  # by their codes in `Comparison.kinds`
+_CODES = {kind: code for code, kind in enumerate(KINDS)}
+
+
+@dataclass(frozen=True, eq=False)
 class Comparison(Table):
-    """Every reading of a scan beside its prediction."""
+    """Every reading of a scan beside its prediction; n readings."""
 
     prediction: PredictedScan  # at exactly the readings' headings
-    rows: tuple[Matched, ...]
+    readings: tuple[Reading, ...]
+    measured: FloatArray  # (n,) m, offset added; NaN: no echo
+    kinds: NDArray[np.int64]  # (n,) index of each class in `KINDS`
+    paths: NDArray[np.int64]  # (n,) row of the predicted path that explains each reading; -1 without one
     offset: float  # m, added to every measured range
     origin: Origin = Origin.MEASURED  # of the readings, in texts and pictures
+
+    @cached_property
+    def rows(self) -> tuple[Matched, ...]:
+        """The readings one by one."""
+        columns = (
+            self.readings,
+            self.prediction.headings.tolist(),
+            [None if reading.range is None else reading.range + self.offset for reading in self.readings],
+            [None if math.isnan(distance) else distance for distance in self.prediction.ranges.tolist()],
+            [KINDS[code] for code in self.kinds.tolist()],
+            [None if path < 0 else path for path in self.paths.tolist()],
+        )
+        return tuple(Matched(index, *row) for index, row in enumerate(zip(*columns, strict=True)))
 
     @property
     def heading(self) -> float:
@@ -94,38 +116,39 @@ class Comparison(Table):
 
     def columns(self) -> dict[str, Any]:
         """Return headings (degrees), measured and predicted ranges, residuals (m, NaN: none), classes and paths."""
-        numbers = np.array([(row.measured, row.predicted, row.residual) for row in self.rows], dtype=np.float64)
-        measured, predicted, residual = numbers.reshape(-1, 3).T
-        paths, room = self.prediction.paths, self.prediction.room
+        prediction, predicted = self.prediction, self.prediction.ranges
+        own = self.kinds == _CODES[Kind.OWN_BODY]
+        paths, room = prediction.paths, prediction.room
+        via = ["" if path < 0 else ">".join(paths.via(path, room)) for path in self.paths.tolist()]
         return {
-            "heading_deg": np.degrees([row.heading for row in self.rows]),
-            "measured_m": measured,
-            "predicted_m": predicted,
-            "residual_m": residual,
-            "class": np.array([row.kind.value for row in self.rows], dtype=object),
-            "via": np.array(
-                ["" if row.path is None else ">".join(paths.via(row.path, room)) for row in self.rows], dtype=object
-            ),
+            "heading_deg": np.degrees(prediction.headings),
+            "measured_m": self.measured.copy(),
+            "predicted_m": predicted.copy(),
+            "residual_m": np.where(own, math.nan, self.measured - predicted),
+            "class": np.array([KINDS[code].value for code in self.kinds.tolist()], dtype=object),
+            "via": np.array(via, dtype=object),
         }
 
     def summary(self) -> Summary:
         """Return the figures of the whole scan."""
-        kinds = Counter(row.kind for row in self.rows)
-        of_room = np.array([row.kind is not Kind.OWN_BODY for row in self.rows], dtype=np.bool_)
-        echoes = [row for row in self.rows if row.measured is not None and row.kind is not Kind.OWN_BODY]
-        sounding = [row.measured is not None for row in self.rows if row.kind is not Kind.OWN_BODY]
-        errors = [abs(row.residual) for row in self.rows if row.residual is not None]
-        matched = kinds[Kind.MATCH]
+        codes = np.bincount(self.kinds, minlength=len(KINDS)).tolist()
+        kinds = Counter(dict(zip(KINDS, codes, strict=True)))
+        of_room = self.kinds != _CODES[Kind.OWN_BODY]
+        sounding = ~np.isnan(self.measured)
+        echoes, matched = int((sounding & of_room).sum()), kinds[Kind.MATCH]
+        errors = np.abs(self.measured - self.prediction.ranges)[of_room]
+        errors = errors[~np.isnan(errors)]
+        explained = int((self.paths[sounding & of_room] >= 0).sum())
         return Summary(
-            n=len(self.rows),
-            n_echo=len(echoes),
+            n=len(self.readings),
+            n_echo=echoes,
             matched=matched,
-            within_5cm=matched / len(echoes) if echoes else None,
-            median_abs_error_m=float(np.median(errors)) if errors else None,
+            within_5cm=matched / echoes if echoes else None,
+            median_abs_error_m=float(np.median(errors)) if len(errors) else None,
             no_echo_agreement=_balanced_accuracy(kinds),
-            no_echo_roc_area=roc_area(self.prediction.over_threshold[of_room], sounding),
-            classes={kind.value: kinds[kind] for kind in Kind},
-            explained=sum(row.path is not None for row in echoes) / len(echoes) if echoes else None,
+            no_echo_roc_area=roc_area(self.prediction.over_threshold[of_room], sounding[of_room]),
+            classes={kind.value: kinds[kind] for kind in KINDS},
+            explained=explained / echoes if echoes else None,
             heading_deg=estimate_degrees(self.heading, self.heading),
             offset_m=self.offset,
             x_m=self.prediction.place.position[0],
@@ -170,8 +193,8 @@ def predicted_for(
 
 def headings_of(readings: Sequence[Reading], place: Place | Sequence[Place], board: Board) -> FloatArray:
     """Return the heading of each reading in the room, (n,) rad; that of a place is the actual one of step 0."""
-    zeros = [place.heading] * len(readings) if isinstance(place, Place) else [there.heading for there in place]
-    return np.array([zero + board.turned(reading.angle) for zero, reading in zip(zeros, readings, strict=True)])
+    zeros = place.heading if isinstance(place, Place) else np.array([there.heading for there in place], np.float64)
+    return zeros + board.turned(np.array([reading.angle for reading in readings], np.float64))
 
 
 def match_readings(readings: Sequence[Reading], prediction: PredictedScan, offset: float = 0.0) -> Comparison:
@@ -180,50 +203,39 @@ def match_readings(readings: Sequence[Reading], prediction: PredictedScan, offse
     The origin is that of the first reading.
     """
     origin = (readings[0].origin if readings else None) or Origin.MEASURED
-    return Comparison(prediction, _matched(prediction, readings, offset), offset, origin)
-
-
-def _matched(prediction: PredictedScan, readings: Sequence[Reading], offset: float) -> tuple[Matched, ...]:
-    """Return each reading beside its prediction; `offset` (m) is added to its range."""
-    parts = prediction.board.own_body
-    measured = [None if reading.range is None else reading.range + offset for reading in readings]
-    predicted = [None if math.isnan(distance) else distance for distance in prediction.ranges.tolist()]
-    kinds = [
-        Kind.OWN_BODY if is_own_body(parts, reading.angle, reading.range) else classify(distance, expected)
-        for reading, distance, expected in zip(readings, measured, predicted, strict=True)
-    ]
+    reported = np.array([reading.range for reading in readings], dtype=np.float64)  # None is NaN
+    measured = reported + offset
+    kinds = classify(measured, prediction.ranges)
+    if own_body := prediction.board.own_body:
+        kinds[of_own_body(own_body, readings)] = _CODES[Kind.OWN_BODY]
     paths = _accounting_paths(prediction, measured, kinds)
-    columns = readings, prediction.headings.tolist(), measured, predicted, kinds, paths
-    return tuple(Matched(index, *row) for index, row in enumerate(zip(*columns, strict=True)))
+    return Comparison(prediction, tuple(readings), measured, kinds, paths, offset, origin)
 
 
-def classify(measured: float | None, predicted: float | None) -> Kind:
-    """Return the class of a reading from its measured and predicted range (m; None: no echo)."""
-    if measured is None:
-        return Kind.BOTH_SILENT if predicted is None else Kind.MISSED
-    if predicted is None:
-        return Kind.EXTRA
-    if abs(measured - predicted) <= TOLERANCE:
-        return Kind.MATCH
-    return Kind.SHORT if measured < predicted else Kind.LONG
+def classify(measured: FloatArray, predicted: FloatArray) -> NDArray[np.int64]:
+    """Return the code of each reading's class, (n,), from measured and predicted ranges, (n,) m; NaN: no echo."""
+    silent, unexpected = np.isnan(measured), np.isnan(predicted)
+    cases = [
+        (silent & unexpected, Kind.BOTH_SILENT),
+        (silent, Kind.MISSED),
+        (unexpected, Kind.EXTRA),
+        (np.abs(measured - predicted) <= TOLERANCE, Kind.MATCH),
+        (measured < predicted, Kind.SHORT),
+    ]
+    conditions, kinds = zip(*cases, strict=True)
+    return np.select(conditions, [_CODES[kind] for kind in kinds], _CODES[Kind.LONG]).astype(np.int64)
 
 
-def _accounting_paths(
-    prediction: PredictedScan, measured: Sequence[float | None], kinds: Sequence[Kind]
-) -> list[int | None]:
+def _accounting_paths(prediction: PredictedScan, measured: FloatArray, kinds: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return for each reading the path that explains it: the predicted one if it matches, else that of another echo.
 
-    The other echo is the one nearest in range. None: no echo within 5 cm, silence, or an echo of the own body.
+    The other echo is the one nearest in range. -1: no echo within 5 cm, silence, or an echo of the own body.
     """
-    chosen = np.full(len(measured), -1, dtype=np.intp)
-    matching = np.array([kind is Kind.MATCH for kind in kinds], dtype=np.bool_)
-    chosen[matching] = prediction.winners[matching]
-    sounding = np.array([distance is not None for distance in measured], dtype=np.bool_)
-    of_body = np.array([kind is Kind.OWN_BODY for kind in kinds], dtype=np.bool_)
-    unexplained = np.flatnonzero(sounding & ~of_body & (chosen < 0))
-    ranges = np.array(measured, dtype=np.float64)[unexplained]
-    chosen[unexplained] = nearest_paths(prediction, unexplained, ranges, TOLERANCE)
-    return [None if path < 0 else path for path in chosen.tolist()]
+    matching = kinds == _CODES[Kind.MATCH]
+    chosen = np.where(matching, prediction.winners, -1)
+    unexplained = np.flatnonzero(~np.isnan(measured) & (kinds != _CODES[Kind.OWN_BODY]) & (chosen < 0))
+    chosen[unexplained] = nearest_paths(prediction, unexplained, measured[unexplained], TOLERANCE)
+    return chosen
 
 
 def _balanced_accuracy(kinds: Counter[Kind]) -> float | None:
@@ -234,7 +246,7 @@ def _balanced_accuracy(kinds: Counter[Kind]) -> float | None:
     return (kinds[Kind.BOTH_SILENT] / silent + (sounding - kinds[Kind.EXTRA]) / sounding) / 2
 
 
-def roc_area(scores: FloatArray, sounding: Sequence[bool]) -> float | None:
+def roc_area(scores: FloatArray, sounding: Sequence[bool] | NDArray[np.bool_]) -> float | None:
     """Return the area under the ROC curve of scores (n,); a higher score predicts an echo, and 0.5 is chance.
 
     Consider all pairs of a heading with an echo and one without. The area is the share of pairs in which the heading

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from sonarhw_compare.match import Comparison, Kind, Matched, headings_of, match_readings, predicted_for
+from sonarhw_compare.match import KINDS, Comparison, Kind, Matched, headings_of, match_readings, predicted_for
 from sonarhw_compare.scans import places_at
 from sonarhw_sim.air import Receiver
 from sonarhw_sim.predict.predicted_scan import PredictedScan
@@ -33,7 +33,6 @@ OUTLINE_HEADINGS = 360
 STRETCH = 360  # readings that are compared together
 _SHORT_SCAN = 30  # readings; a shorter stretch is compared again together with those that follow
 _AT_ONCE = 4  # stretches of one request; about 0.1 s
-KINDS = {kind: code for code, kind in enumerate(Kind)}
 NO_PATH = -1
 LATE = 0.15  # s before values of the previous scene are marked as outdated; a shorter time makes them flicker
 # s without a movement, after which a drag is considered to pause: at least the first, at most the second
@@ -141,17 +140,17 @@ class Stretch:
     @property
     def end(self) -> int:
         """The number after the last reading."""
-        return self.first + len(self.comparison.rows)
+        return self.first + len(self.comparison.readings)
 
-    @cached_property
+    @property
     def predicted(self) -> FloatArray:
         """Predicted ranges, (n,) m; NaN: no echo."""
-        return np.array([np.nan if row.predicted is None else row.predicted for row in self.comparison.rows], float)
+        return self.comparison.prediction.ranges
 
-    @cached_property
+    @property
     def kinds(self) -> IntArray:
         """Index of each reading's class in `Kind`, (n,)."""
-        return np.array([KINDS[row.kind] for row in self.comparison.rows], np.int64)
+        return self.comparison.kinds
 
     @cached_property
     def paths(self) -> tuple[IntArray, tuple[str, ...]]:
@@ -159,9 +158,9 @@ class Stretch:
 
         The path of a missed echo is the predicted one.
         """
-        prediction, rows = self.comparison.prediction, self.comparison.rows
-        missed = {row.index: int(prediction.winners[row.index]) for row in rows if row.kind is Kind.MISSED}
-        numbers = np.array([missed.get(row.index, NO_PATH) if row.path is None else row.path for row in rows], np.int64)
+        prediction = self.comparison.prediction
+        missed = self.kinds == KINDS.index(Kind.MISSED)
+        numbers = np.where(missed, prediction.winners, self.comparison.paths)
         different, places = np.unique(numbers, return_inverse=True)
         names = {
             path: ">".join(prediction.paths.via(path, prediction.room)) for path in different.tolist() if path >= 0
@@ -237,7 +236,7 @@ def _compared(result: PathsFound, first: int, readings: tuple[Reading, ...], beg
         # all stretches share one table of paths; their copies would fill the memory
         prediction = replace(prediction, paths=result.paths)
     stretch = Stretch(first, match_readings(readings, prediction), result.draft, result.generation)
-    _ = stretch.predicted, stretch.kinds, stretch.paths  # computed here, not in the thread that draws
+    _ = stretch.predicted, stretch.paths  # computed here, not in the thread that draws
     return stretch
 
 
