@@ -121,7 +121,7 @@ class SmallWalls:
         above = (points[:, 1] > 0.0) | (not self.on_wall)
         turned = points * np.where(above, 1.0, -1.0)[:, None] ** np.array([0, 1])
         of_walls = [
-            side * np.asarray(part.by_function @ self._with_image(_slope_at, number, part, turned))
+            side * np.asarray(part.averages @ self._with_image(_slope_at, number, part, turned))
             for part, side in ((upper, above), (lower, ~above))
         ]
         through = np.where(above, 1.0, -1.0) * self._with_image(_pressure_at, number, flow, turned)
@@ -202,12 +202,15 @@ class _Panels:
 
     starts: FloatArray  # (n, 2), m
     ends: FloatArray  # (n, 2), m
-    averages: FloatArray  # (n, f): of each function on each panel
-    slopes: FloatArray  # (n, f): by how much each grows from the start to the end of each panel
+    # each function is on a few panels
+    averages: "csr_array"  # (f, n): of each function on each panel
+    slopes: "csr_array"  # (f, n): by how much each grows from the start to the end of each panel
 
     @staticmethod
     def of(walls: FloatArray, wavelength: float, on_wall: bool) -> "_Panels":
         """Return the panels of walls (w, 4) m."""
+        from scipy.sparse import csr_array  # slow to import, and most rooms have no small walls
+
         parts = [_cut(wall, wavelength) for wall in walls]
         ends = np.concatenate([np.empty((0, 2, 2)), *parts])
         averages, slopes = _hats(ends[:, 0], ends[:, 1], on_wall)
@@ -216,7 +219,7 @@ class _Panels:
         halves = np.stack((ends[:, 0], middles, middles, ends[:, 1]), axis=1).reshape(-1, 2, 2)
         steps = np.stack((-slopes, slopes), axis=1).reshape(len(halves), slopes.shape[1]) / 3.0
         averages, slopes = np.repeat(averages, 2, axis=0) + steps, np.repeat(slopes / 2, 2, axis=0)
-        return _Panels(halves[:, 0], halves[:, 1], averages, slopes)
+        return _Panels(halves[:, 0], halves[:, 1], csr_array(averages.T), csr_array(slopes.T))
 
     @cached_property
     def lengths(self) -> FloatArray:
@@ -238,13 +241,6 @@ class _Panels:
     def points(self) -> FloatArray:
         """Points of Gauss on each, (n, 4, 2)."""
         return np.asarray(self.starts[:, None] + _NODES[:, None] * (self.ends - self.starts)[:, None])
-
-    @cached_property
-    def by_function(self) -> "csr_array":
-        """The transposed averages; each function is on a few panels."""
-        from scipy.sparse import csr_array
-
-        return csr_array(self.averages.T)
 
     @property
     def image(self) -> "_Panels":
@@ -306,12 +302,12 @@ def _hats(starts: FloatArray, ends: FloatArray, on_wall: bool) -> tuple[FloatArr
     return averages, slopes
 
 
-@lru_cache(maxsize=48)
+@lru_cache(maxsize=8)  # up to 8 MB each, needed again only for places beside small walls
 def _inverse(small: SmallWalls, number: float) -> ComplexArray:
     """Return the inverse of the symmetric system of equations at a wave number (1/m)."""
     upper, lower, flow = small.panels
     walls = [_hypersingular(number, part, small.on_wall) for part in (upper, lower)]
-    leading = [part.by_function @ _slopes_of(number, part, flow) * 2.0 for part in (upper, lower)]
+    leading = [part.averages @ _slopes_of(number, part, flow) * 2.0 for part in (upper, lower)]
     sizes = np.cumsum([0, len(walls[0]), len(walls[1]), len(flow.starts)])
     up, down, through = (slice(begin, end) for begin, end in itertools.pairwise(sizes))
     system = np.zeros((sizes[-1], sizes[-1]), np.complex128)
@@ -326,7 +322,7 @@ def _inverse(small: SmallWalls, number: float) -> ComplexArray:
 
 def _hypersingular(number: float, panels: _Panels, on_wall: bool) -> ComplexArray:
     """Return the equations of walls for their hat functions, (f, f)."""
-    total = np.zeros((panels.averages.shape[1],) * 2, np.complex128)
+    total = np.zeros((panels.averages.shape[0],) * 2, np.complex128)
     if not total.size:
         return total
     # mirroring turns the direction in which functions grow
@@ -337,17 +333,13 @@ def _hypersingular(number: float, panels: _Panels, on_wall: bool) -> ComplexArra
         total -= _tested(panels.averages, facing * layers)
     # slopes on a panel of length 1: ∫∫ -ln |x - y| x y dx dy / 2π is 1 / 32π, by the values on halves ln 2 / 18π
     missing = 8.0 * (1.0 / 32.0 - math.log(2.0) / 18.0) / math.pi
-    total -= number**2 * missing * panels.slopes.T @ (panels.lengths[:, None] ** 2 * panels.slopes)
+    total -= number**2 * missing * ((panels.slopes * panels.lengths**2) @ panels.slopes.T).toarray()
     return total
 
 
-def _tested(functions: FloatArray, layers: ComplexArray) -> ComplexArray:
-    """Return a table (n, n) of panels for functions (n, f) on them, (f, f)."""
-    from scipy.sparse import csr_array
-
-    # each function is on a few panels
-    few = csr_array(functions.T)
-    return np.asarray((few @ (few @ layers).T).T)
+def _tested(functions: "csr_array", layers: ComplexArray) -> ComplexArray:
+    """Return a table (n, n) of panels for functions (f, n) on them, (f, f)."""
+    return np.asarray((functions @ (functions @ layers).T).T)
 
 
 def _single_layers(number: float, panels: _Panels, others: _Panels) -> ComplexArray:
