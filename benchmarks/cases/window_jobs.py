@@ -199,9 +199,9 @@ def dragging(lasts: float) -> list[Figure]:
         began = moment()
         drag.run(lasts)
         wall, process, thread = moment().since(began)
+        count = len(drag.updates)
         rests = [drag.rest() for _ in range(_RESTS)]
         drag.end()
-    count = len(drag.updates)
     what = f"drag the sensor, {WALLS} walls, 360 headings: "
     return [
         Figure(f"{what}new outlines painted", count / wall, "/s", 30, True),

@@ -101,7 +101,7 @@ def compare(
         write_figure(plot, comparison.draw(changed), force)
     if missing:
         return
-    notes = notes_beside(log_file, [row.reading for row in comparison.rows]).texts
+    notes = notes_beside(log_file, comparison.readings).texts
     options.print_result(
         as_json, lambda: comparison.figures(notes, explained=explained), lambda: comparison.lines(notes)
     )

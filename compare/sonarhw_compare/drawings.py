@@ -388,9 +388,8 @@ def draw_comparison(
     What only `changed` has is drawn as found: the room of `find_causes`.
     """
     prediction = comparison.prediction
-    ranges = np.array([row.measured for row in comparison.rows], dtype=np.float64)  # None is NaN
-    own = np.array([row.kind is Kind.OWN_BODY for row in comparison.rows], dtype=np.bool_)
-    points, sounding = points_at(prediction.standpoints, prediction.headings, ranges), ~np.isnan(ranges)
+    points = points_at(prediction.standpoints, prediction.headings, comparison.measured)
+    sounding, own = ~np.isnan(comparison.measured), ~comparison.of_room
     of_room, of_body = points[sounding & ~own], points[sounding & own]
     return _drawn_plan(prediction, of_room, "", comparison.origin, of_body, shading, changed)
 

@@ -208,9 +208,9 @@ def explain_reading(comparison: Comparison, index: int, text: LengthText = in_me
 
     `text` formats the lengths. Raises InputError if there is no such reading.
     """
-    if index >= len(comparison.rows):
-        raise InputError(f"index: expected a reading, 0 to {len(comparison.rows) - 1}, got {index}")
-    row, prediction = comparison.rows[index], comparison.prediction
+    if index >= len(comparison.readings):
+        raise InputError(f"index: expected a reading, 0 to {len(comparison.readings) - 1}, got {index}")
+    row, prediction = comparison.row(index), comparison.prediction
     where = f"at {heading_text(row.heading)}"
     measured = f"no echo {where}" if row.measured is None else f"{text(row.measured)} {where}"
     if row.kind is Kind.OWN_BODY:
@@ -376,7 +376,7 @@ def details(comparison: Comparison, notes: Mapping[int, str] | None = None) -> D
     return {
         "echoes": asdict(echo_statistics(comparison)),
         "readings": [
-            reading_details(comparison, index) | {"note": texts.get(index)} for index in range(len(comparison.rows))
+            reading_details(comparison, index) | {"note": texts.get(index)} for index in range(len(comparison.readings))
         ],
         "regions": region_details(comparison) if comparison.prediction.poses is None else None,
     }
@@ -390,7 +390,7 @@ def _pose_figures(pose: FloatArray) -> list[float]:
 
 def reading_details(comparison: Comparison, index: int) -> Details:
     """Return one reading: measured and predicted echoes, path, margins and the echoes that might win instead."""
-    row, prediction = comparison.rows[index], comparison.prediction
+    row, prediction = comparison.row(index), comparison.prediction
     margins, moved = contest(prediction, row.index), wall_change(prediction, row.index)
     own_body = row.kind is Kind.OWN_BODY
     poses = prediction.poses

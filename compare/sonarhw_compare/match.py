@@ -97,17 +97,32 @@ class Comparison(Table):
     origin: Origin = Origin.MEASURED  # of the readings, in texts and pictures
 
     @cached_property
+    def predicted(self) -> FloatArray:
+        """Predicted ranges, (n,) m; NaN: no echo."""
+        return self.prediction.ranges
+
+    @property
+    def of_room(self) -> NDArray[np.bool_]:
+        """Which readings are not of the carrier's own body, (n,)."""
+        return np.asarray(self.kinds != _CODES[Kind.OWN_BODY])
+
+    @cached_property
     def rows(self) -> tuple[Matched, ...]:
         """The readings one by one."""
-        columns = (
-            self.readings,
-            self.prediction.headings.tolist(),
-            [None if reading.range is None else reading.range + self.offset for reading in self.readings],
-            [None if math.isnan(distance) else distance for distance in self.prediction.ranges.tolist()],
-            [KINDS[code] for code in self.kinds.tolist()],
-            [None if path < 0 else path for path in self.paths.tolist()],
+        return tuple(self.row(index) for index in range(len(self.readings)))
+
+    def row(self, index: int) -> Matched:
+        """Return one reading beside its prediction."""
+        predicted, path = float(self.predicted[index]), int(self.paths[index])
+        return Matched(
+            index,
+            self.readings[index],
+            float(self.prediction.headings[index]),
+            None if self.readings[index].range is None else float(self.measured[index]),
+            None if math.isnan(predicted) else predicted,
+            KINDS[self.kinds[index]],
+            None if path < 0 else path,
         )
-        return tuple(Matched(index, *row) for index, row in enumerate(zip(*columns, strict=True)))
 
     @property
     def heading(self) -> float:
@@ -116,15 +131,14 @@ class Comparison(Table):
 
     def columns(self) -> dict[str, Any]:
         """Return headings (degrees), measured and predicted ranges, residuals (m, NaN: none), classes and paths."""
-        prediction, predicted = self.prediction, self.prediction.ranges
-        own = self.kinds == _CODES[Kind.OWN_BODY]
+        prediction = self.prediction
         paths, room = prediction.paths, prediction.room
         via = ["" if path < 0 else ">".join(paths.via(path, room)) for path in self.paths.tolist()]
         return {
             "heading_deg": np.degrees(prediction.headings),
             "measured_m": self.measured.copy(),
-            "predicted_m": predicted.copy(),
-            "residual_m": np.where(own, math.nan, self.measured - predicted),
+            "predicted_m": self.predicted.copy(),
+            "residual_m": np.where(self.of_room, self.measured - self.predicted, math.nan),
             "class": np.array([KINDS[code].value for code in self.kinds.tolist()], dtype=object),
             "via": np.array(via, dtype=object),
         }
@@ -133,10 +147,9 @@ class Comparison(Table):
         """Return the figures of the whole scan."""
         codes = np.bincount(self.kinds, minlength=len(KINDS)).tolist()
         kinds = Counter(dict(zip(KINDS, codes, strict=True)))
-        of_room = self.kinds != _CODES[Kind.OWN_BODY]
-        sounding = ~np.isnan(self.measured)
+        of_room, sounding = self.of_room, ~np.isnan(self.measured)
         echoes, matched = int((sounding & of_room).sum()), kinds[Kind.MATCH]
-        errors = np.abs(self.measured - self.prediction.ranges)[of_room]
+        errors = np.abs(self.measured - self.predicted)[of_room]
         errors = errors[~np.isnan(errors)]
         explained = int((self.paths[sounding & of_room] >= 0).sum())
         return Summary(

@@ -178,7 +178,7 @@ def find_missing(comparison: "ScanComparison", progress: Tick = _silent) -> "Fou
     # the comparison adds its offset to measured ranges; the place of a room file does not contain the board's zero
     board = replace(board, range_offset=board.range_offset - comparison.offset, receiver=receiver or board.receiver)
     place = replace(prediction.place, heading=comparison.heading - board.heading_at(0.0, 0.0))
-    return find_causes([row.reading for row in comparison.rows], prediction.room, place, board, progress)
+    return find_causes(comparison.readings, prediction.room, place, board, progress)
 
 
 @arguments.checked(sweeps=_sweeps, warn=arguments.function)

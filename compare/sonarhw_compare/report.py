@@ -605,7 +605,7 @@ def _fit(report: Report) -> Facts:
 
 def _air_of_ranges(report: Report) -> Facts:
     """Return the speed of sound of the ranges, the temperature of air with this speed, and the thermometer's."""
-    readings = [row.reading for row in report.comparison.rows]
+    readings = report.comparison.readings
     speeds = [reading.speed_of_sound for reading in readings if reading.speed_of_sound > 0]
     measured = [reading.temperature_c for reading in readings if reading.temperature_c is not None]
     facts = []

@@ -37,8 +37,8 @@ class EchoStatistics:
 
 def assigned_echoes(comparison: Comparison, index: int) -> tuple[tuple[float, Echo | None], ...]:
     """Return every echo of reading `index`, m with the offset, nearest first, each with its predicted echo."""
-    measured = np.array(comparison.rows[index].reading.echo_ranges, dtype=np.float64) + comparison.offset
-    echoes = comparison.prediction.ping(comparison.rows[index].index).echoes
+    measured = np.array(comparison.readings[index].echo_ranges, dtype=np.float64) + comparison.offset
+    echoes = comparison.prediction.ping(index).echoes
     chosen = assigned(measured, np.array([echo.range for echo in echoes], dtype=np.float64))
     predicted = (None if row is None else echoes[row] for row in chosen)
     return tuple(zip(measured.tolist(), predicted, strict=True))
@@ -60,7 +60,7 @@ def assigned(measured: FloatArray, predicted: FloatArray) -> list[int | None]:
 
 def echo_statistics(comparison: Comparison) -> EchoStatistics:
     """Return the statistics of all echoes of a scan."""
-    of_room = [index for index, row in enumerate(comparison.rows) if row.kind is not Kind.OWN_BODY]
+    of_room = np.flatnonzero(comparison.of_room).tolist()
     echoes = [echo for index in of_room for echo in assigned_echoes(comparison, index)]
     residuals = np.array([measured - echo.range for measured, echo in echoes if echo is not None], dtype=np.float64)
     if not len(residuals):
@@ -216,9 +216,8 @@ def compare_regions(comparison: Comparison) -> RegionMatch:
     Echoes of the carrier's own body are in none.
     """
     prediction = comparison.prediction
-    of_room = [None if row.kind is Kind.OWN_BODY else row.measured for row in comparison.rows]
-    ranges = np.array([math.nan if measured is None else measured for measured in of_room])
-    measured = [_mirror(prediction.paths, row.path) for row in comparison.rows]
+    ranges = np.where(comparison.of_room, comparison.measured, math.nan)
+    measured = [_mirror(prediction.paths, path) for path in comparison.paths.tolist()]
     winners = [_mirror(prediction.paths, int(winner)) for winner in prediction.winners]
     return match_regions(
         regions_of(prediction.headings, ranges, mirrors=measured),
@@ -226,9 +225,9 @@ def compare_regions(comparison: Comparison) -> RegionMatch:
     )
 
 
-def _mirror(paths: Paths, path: int | None) -> tuple[int, ...] | None:
+def _mirror(paths: Paths, path: int) -> tuple[int, ...] | None:
     """Return the edge and surfaces of a path, equal for both directions; None without a path."""
-    if path is None or path < 0:
+    if path < 0:
         return None
     return int(paths.edges[path]), *sorted(paths.surfaces[path].tolist())
 

@@ -663,7 +663,7 @@ class RoomCalibration(Calibration):
 
     def own_body_lines(self) -> list[str]:
         """Return the parts of the own body, and how many readings of it are left out, in words."""
-        own = sum(row.kind is Kind.OWN_BODY for comparison in self.after for row in comparison.rows)
+        own = int(sum((~comparison.of_room).sum() for comparison in self.after))
         left_out = [f"own body: {counted(own, 'reading')} left out"] if self.own_body else []
         return [*super().own_body_lines(), *left_out]
 

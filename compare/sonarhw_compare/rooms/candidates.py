@@ -394,8 +394,9 @@ def touches_of(evidence: Evidence, draft: RoomDraft) -> Touches:
     for number, (scan, place) in enumerate(zip(evidence.scans, draft.places, strict=True)):
         comparison = compare_readings(scan.readings, room, board.faced(place), board, FOLLOWED)
         paths = comparison.prediction.paths
-        echoes.append(sum(row.measured is not None for row in comparison.rows))
-        unexplained.append(sum(row.measured is not None and row.path is None for row in comparison.rows))
+        sounding = ~np.isnan(comparison.measured)
+        echoes.append(int(sounding.sum()))
+        unexplained.append(int((sounding & (comparison.paths < 0)).sum()))
         for row in comparison.rows:
             if row.path is None:
                 continue

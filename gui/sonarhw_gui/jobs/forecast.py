@@ -145,7 +145,7 @@ class Stretch:
     @property
     def predicted(self) -> FloatArray:
         """Predicted ranges, (n,) m; NaN: no echo."""
-        return self.comparison.prediction.ranges
+        return self.comparison.predicted
 
     @property
     def kinds(self) -> IntArray:
@@ -199,7 +199,7 @@ class ComparedScan:
     def row(self, reading: int) -> Matched | None:
         """Return the comparison of a reading; None if it was not compared."""
         stretch = self.stretch_of(reading)
-        return None if stretch is None else stretch.comparison.rows[reading - stretch.first]
+        return None if stretch is None else stretch.comparison.row(reading - stretch.first)
 
     def with_newer(self, newer: Iterable[Stretch]) -> "ComparedScan":
         """Return the scan with these stretches, without those that they replace and those of an earlier scene."""
@@ -213,10 +213,13 @@ class ComparedScan:
         return ComparedScan(tuple(stretch for stretch in kept if stretch.scene_generation == generation))
 
 
+NumberedReadings = tuple[tuple[int, tuple[Reading, ...]], ...]  # stretches, each with the number of its first reading
+
+
 def compare_stretches(
-    result: PathsFound, stretches: Sequence[tuple[int, tuple[Reading, ...]]], begin: RobotPose | None = None
+    result: PathsFound, stretches: NumberedReadings, begin: RobotPose | None = None
 ) -> tuple[Stretch, ...]:
-    """Compare stretches, each with the number of its first reading, with the prediction from these paths.
+    """Compare stretches with the prediction from these paths.
 
     `begin`: the pose of the first reading of the scan, which was made at the place of the scene.
     """
@@ -240,6 +243,19 @@ def _compared(result: PathsFound, first: int, readings: tuple[Reading, ...], beg
     return stretch
 
 
+def find_and_compare(
+    generation: int,
+    scene: Scene,
+    options: PredictionOptions,
+    headings: int,
+    stretches: NumberedReadings,
+    begin: RobotPose | None,
+) -> tuple[PathsFound, tuple[Stretch, ...]]:
+    """Find paths and compare stretches with them, in one job: the window draws both at once."""
+    result = find_paths(generation, scene, options, headings)
+    return result, compare_stretches(result, stretches, begin)
+
+
 class Comparer:
     """Keeps the comparison of one growing scan up to date with the newest paths, in stretches.
 
@@ -254,23 +270,32 @@ class Comparer:
         self.around: int | None = None  # reading whose stretch is compared first; None: the newest
         self._readings: Sequence[Reading] = ()
         self._result: PathsFound | None = None
-        self._scan = 0
+        self.scan = 0  # number of the scan of the readings
         self._jobs, self._changed = jobs, changed
 
     def begin_scan(self) -> None:
         """Drop the readings; later readings belong to another scan."""
         self.compared, self._readings, self.around = None, (), None
-        self._scan += 1
+        self.scan += 1
 
     def follow(self, readings: Sequence[Reading]) -> None:
         """Compare all these readings; until `begin_scan` they only grow."""
         self._readings = readings
         self._submit()
 
-    def use(self, result: PathsFound | None) -> None:
-        """Compare with the prediction from these paths."""
+    def use(self, result: PathsFound | None, compared: tuple[Stretch, ...] = (), scan: int = 0) -> None:
+        """Compare with the prediction from these paths; `compared` are stretches of a `scan` already compared."""
         self._result = result
-        self._submit()
+        if compared:
+            self._take(scan, compared)
+        else:
+            self._submit()
+
+    def first(self, scene: Scene, options: PredictionOptions) -> tuple[NumberedReadings, RobotPose | None]:
+        """Return the stretches to compare first with a new prediction, and the pose of the first reading."""
+        count = len(self._readings)
+        bounds = ((begin, min(begin + STRETCH, count)) for begin in range(0, count, STRETCH))
+        return self._chosen(bounds, scene, options)
 
     @property
     def uncompared(self) -> int:
@@ -280,7 +305,7 @@ class Comparer:
         return len(self._readings) - sum(stretch.end - stretch.first for stretch in self._current)
 
     def _take(self, scan: int, stretches: tuple[Stretch, ...]) -> None:
-        if scan == self._scan:
+        if scan == self.scan:
             self.compared = (self.compared or ComparedScan(())).with_newer(stretches)
             self._changed()
         self._submit()  # not after a failure: the same request would fail again
@@ -289,14 +314,20 @@ class Comparer:
         result = self._result
         if result is None or self._jobs.busy(_COMPARE):
             return
-        alike = paths_serve_all_headings(result.scene.board, result.options.unit)
+        stretches, begin = self._chosen(self._stale(), result.scene, result.options)
+        if stretches:
+            self._jobs.run(_COMPARE, compare_stretches, result, stretches, begin, then=partial(self._take, self.scan))
+
+    def _chosen(
+        self, bounds: Iterable[tuple[int, int]], scene: Scene, options: PredictionOptions
+    ) -> tuple[NumberedReadings, RobotPose | None]:
+        """Return the stretches within these bounds that are compared next, and the pose of the first reading."""
+        alike = paths_serve_all_headings(scene.board, options.unit)
         around = len(self._readings) - 1 if self.around is None else self.around
-        nearest = sorted(self._stale(), key=lambda stretch: _distance(stretch, around))
+        nearest = sorted(bounds, key=lambda stretch: _distance(stretch, around))
         chosen = nearest[: _AT_ONCE if alike else 1]  # otherwise each heading needs its own search
-        if chosen:
-            stretches = tuple((begin, tuple(self._readings[begin:end])) for begin, end in chosen)
-            begin = self._readings[0].pose
-            self._jobs.run(_COMPARE, compare_stretches, result, stretches, begin, then=partial(self._take, self._scan))
+        stretches = tuple((begin, tuple(self._readings[begin:end])) for begin, end in chosen)
+        return stretches, self._readings[0].pose if self._readings else None
 
     @property
     def _current(self) -> list[Stretch]:
@@ -387,7 +418,17 @@ class Forecast:
         if scene.room is None:
             return
         effort = EFFORTS[self._level]
-        self._find(_DRAFT, scene, effort.limit(scene.options), effort.headings)
+        options = effort.limit(scene.options)
+        self._jobs.run(
+            _DRAFT,
+            find_and_compare,
+            self._generation,
+            scene,
+            options,
+            effort.headings,
+            *self._comparer.first(scene, options),
+            then=partial(self._accept_compared, self._comparer.scan),
+        )
         self._search_at = now + rest
         self._search_when_due()
 
@@ -423,12 +464,12 @@ class Forecast:
     def _search_when_due(self) -> None:
         if self._scene is not None and self._search_at is not None and self._clock() >= self._search_at:
             self._search_at = None
-            self._find(_FIND, self._scene, self._scene.options, OUTLINE_HEADINGS)
+            self._jobs.run(_FIND, find_paths, self._generation, self._scene, self._scene.options, then=self._accept)
 
-    def _find(self, key: str, scene: Scene, options: PredictionOptions, headings: int) -> None:
-        self._jobs.run(key, find_paths, self._generation, scene, options, headings, then=self._accept)
+    def _accept_compared(self, scan: int, both: tuple[PathsFound, tuple[Stretch, ...]]) -> None:
+        self._accept(*both, scan)
 
-    def _accept(self, result: PathsFound) -> None:
+    def _accept(self, result: PathsFound, compared: tuple[Stretch, ...] = (), scan: int = 0) -> None:
         """Use these paths if they are of a newer scene, or complete instead of a draft of the same scene."""
         if result.draft:
             self._level = next_level(self._level, result.took)
@@ -439,7 +480,7 @@ class Forecast:
             self._jobs.run(_WEIGH, outline_chances, result, then=partial(self._take_chances, result))
         if self.compared is None:
             self._forget_changes(result.generation)
-        self._comparer.use(result)
+        self._comparer.use(result, compared, scan)
 
     def _take_chances(self, result: PathsFound, chances: "RangeShading") -> None:
         if result is self._result:

@@ -174,6 +174,7 @@ def _same(parts: tuple[object, ...], others: tuple[object, ...]) -> bool:
 
 
 _NEXT_READING = 0.04  # s after the last readings, within which a fast scan delivers the next
+_NEXT_DRAFT = 0.05  # s after an update, within which a drag waits for the next draft
 
 
 class ShownModel(QObject):
@@ -201,7 +202,7 @@ class ShownModel(QObject):
         self._picked: int | None = None  # the reading that the user has selected; None: the newest is
         self._update_due = False  # whether something has changed since the last update of the views
         self._results_due = False  # likewise, for results of the threads
-        self._read_at = -math.inf  # time of the last new readings
+        self._read_at = self._refreshed_at = -math.inf  # times of the last new readings, and of the last update
 
     @Slot(object, str, object)
     def edit(self, scene: Scene, label: str, gesture: object = None) -> None:
@@ -443,11 +444,19 @@ class ShownModel(QObject):
             self._read_at = now
         # each update repaints the window, so results of a fast scan are shown together with its next readings
         waits = now - self._read_at < _NEXT_READING and not self.forecast.dragging
-        if new_readings or self._update_due or (self._results_due and not waits):
+        if new_readings or ((self._update_due or (self._results_due and not waits)) and not self._waits_for_draft(now)):
             self.refresh()
+
+    def _waits_for_draft(self, now: float) -> bool:
+        """Return whether a movement of a drag is better shown together with its outline, compared with the readings."""
+        forecast, shown = self.forecast, self.shown
+        if not forecast.dragging or now - self._refreshed_at >= _NEXT_DRAFT:
+            return False
+        return forecast.compared is shown.compared if shown.readings else forecast.outline is shown.outline
 
     def refresh(self) -> None:
         """Update the views now."""
+        self._refreshed_at = time.monotonic()
         readings, compared = self._source().shown, self.forecast.compared
         chosen = self._chosen(len(readings), compared.end if compared else 0)
         self.forecast.prefer(chosen)

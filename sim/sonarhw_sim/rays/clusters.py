@@ -29,6 +29,8 @@ _BEYOND_WALL = 1.35  # amplitude: the most that a strip returns, relative to an 
 def numbered(paths: PartialPaths, followed: Followed, room: Room) -> PartialPaths:
     """Return paths in the room that rays follow with surfaces and edges numbered as in the `room` itself."""
     base, joined = followed.room, followed.joined
+    if base is room:
+        return paths
     shift = len(room.walls) - len(base.walls)
     first = np.array([rows[0] for rows in joined] + [0] * len(base.posts) + [-1], dtype=np.int32)
     first[len(joined) : -1] = np.arange(len(base.posts)) + len(base.walls) + shift
