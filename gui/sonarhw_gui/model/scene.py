@@ -373,13 +373,13 @@ class History:
 
     def forget_notes(self) -> None:
         """Remove the steps of notes: their readings are no longer shown."""
-        for steps in (self._done, self._undone):
+        for steps in (self._done, self._undone, self._discarded):
             steps[:] = [step for step in steps if not isinstance(step.state, NoteTexts)]
 
     def clear(self) -> None:
         """Remove all steps."""
-        self._done.clear()
-        self._undone.clear()
+        for steps in (self._done, self._undone, self._discarded):
+            steps.clear()
 
     def _is_last(self, gesture: object) -> bool:
         return gesture is not None and bool(self._done) and self._done[-1].gesture is gesture

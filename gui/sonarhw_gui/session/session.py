@@ -645,8 +645,7 @@ class WindowSession(QObject):
         self.kept.rooms.change(self.shown.scene, time.monotonic())
         if self.replay is not None and not place_warning(self.replay.log.metadata, self.shown.scene):
             self.notices.end("placed")
-        if not self.showing.forecast.dragging:  # else with the next tick, a few milliseconds later
-            self._update_status()
+        self._update_status()
 
     @Slot()
     def _update_status(self) -> None:

@@ -300,7 +300,7 @@ class MainWindow(QtWidgets.QMainWindow):
             (self.views.uncovered, self._show_again),
             (self.views.answered, self.hint.end),
             (session.showing.changed, self._show),
-            (session.showing.edited, self._show_edit),
+            (session.showing.edited, self._show_title),
             (session.status_changed, self._show_status),
             (session.room_opened, self.views.plan.fit),
             (session.pose_asked, self.find_pose_anywhere),
@@ -351,12 +351,6 @@ class MainWindow(QtWidgets.QMainWindow):
             self.turns.advance()
         else:
             self.turns.all_now()
-
-    @Slot()
-    def _show_edit(self) -> None:
-        """Show the star of an edit. A movement of a drag waits for the next frame, like the place in the title."""
-        if not self.session.showing.forecast.dragging:
-            self._show_title()
 
     @Slot()
     def _show_title(self) -> None:
