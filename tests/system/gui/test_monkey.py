@@ -33,9 +33,9 @@ from tests.system.gui.monkey import Monkey
 
 SEED = 16
 _LOG = logging.getLogger(__name__)  # measured figures: pytest --log-cli-level INFO
-# of resident memory after the warm-up. 1100 actions, after 500 and at the end: with seed 16, 464 and 458 MiB; with seed
-# 17, 426 and 458 MiB. 100 files, after two of each and at the end: 333 and 337 MiB
-GROWTH = 1.10
+# of resident memory after the warm-up. With seed 16, 642 MiB after 500 actions, 652 after 1000, 672 after 3000. 100
+# files, after two of each and at the end: 333 and 337 MiB
+GROWTH = 1.05
 WARM_UP = 500  # actions, at least: each panel, kind of plot and compiled kernel is loaded at its first use
 _BSCAN, _ALL_PANES = 2, 3  # number of the B-scan among the large views, and of its choice "All three"
 _PAGE = 4096  # bytes

@@ -673,9 +673,9 @@ def held(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[threading.Event, lis
     gate, requests, compare = threading.Event(), list[int](), forecast.compare_stretches
 
     def compare_later(found: PathsFound, stretches: Stretches, *begin: object) -> tuple[Stretch, ...]:
-        if all(first + len(readings) < DENSE for first, readings in stretches):
+        if stretches and all(first + len(readings) < DENSE for first, readings in stretches):
             gate.wait()
-        requests.append(stretches[0][0])
+        requests.extend(first for first, _ in stretches[:1])
         return compare(found, stretches, *begin)
 
     monkeypatch.setattr(forecast, "compare_stretches", compare_later)
