@@ -1,4 +1,4 @@
-"""Levels of the paths compared with exact waves: `python -m benchmarks.wave_equation [--grid | --past | --inside]`.
+"""Levels of the paths compared with exact waves: `python -m benchmarks.wave_equation [OPTION]`.
 
 Prints, for each scene, the level of all its sound at the carrier by the paths (`uniform` strength of edges) and by a
 wave that is independent of rays, in dB relative to an endless perfect wall. Each table names its wave. Held are cases
@@ -12,18 +12,24 @@ about a minute and a half of processor time.
 
 `--past` compares only the wall behind posts, strips, doors and solids with boundary elements, with the same limits
 (some minutes of processor time). `--inside` compares small concave things: slots, trays, stairs, ducts, louvres.
+
+`--rooms [COUNT [FIRST]]` compares the first echoes of whole small rooms with legs, cables, door jambs, ducts and
+skirtings, 120 headings each, with boundary elements for the whole room (half a minute of processor time each; solved
+rooms are kept in `build/small_rooms`). Default: 40 rooms. Held are no readings.
 """
 
 import itertools
 import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from scipy.special import hankel2
 from sonarhw_sim.air import EdgeStrength
 
+from benchmarks.cases.small_rooms import BOARDS, HEADINGS, RoomReadings, compare, responses_of, small_room
 from tests.oracles.exact.boundary_elements import RigidScene, level_of_wall, scattered
 from tests.oracles.exact.exact_levels import (
     WAVELENGTH,
@@ -442,8 +448,44 @@ def show_largest(rows: Sequence[Row]) -> None:
         print(f"{len(diffracted)} diffracted, by {name}: {min(levels):+.2f} to {max(levels):+.2f} dB")
 
 
+TOLERANCES = (0.1, 0.05, 0.025)  # m
+SOLVED = Path("build/small_rooms")
+
+
+def show_rooms(count: int, first: int) -> None:
+    """Print the readings of each room that are wrong by 5 cm or more, and the shares of all that are wrong."""
+    found: dict[str, list[RoomReadings]] = {name: [] for name in BOARDS}
+    for seed in range(first, first + count):
+        small = small_room(seed)
+        for name in BOARDS:
+            readings = compare(small, responses_of(small, SOLVED), name)
+            found[name].append(readings)
+            print(f"room {seed}, {name}: {int(readings.wrong(TOLERANCES[1]).sum())} wrong", flush=True)
+            for row in np.flatnonzero(readings.wrong(TOLERANCES[1])).tolist():
+                ranges = "".join(f"{r:8.3f}" for r in (*readings.wave[:, row], readings.predicted[row]))
+                print(f"  {math.degrees(HEADINGS[row]):5.0f}°{ranges}  {readings.via[row]}")
+    for name, rooms in found.items():
+        _show_shares(name, rooms)
+
+
+def _show_shares(name: str, rooms: Sequence[RoomReadings]) -> None:
+    for tolerance in TOLERANCES:
+        wrong = np.concatenate([room.wrong(tolerance) for room in rooms])
+        unsure = np.concatenate([room.unsure(tolerance) for room in rooms])
+        same_rule = np.concatenate([room.wrong(tolerance, "paths") for room in rooms])
+        print(
+            f"{name}: {wrong.sum()} of {len(wrong)} readings wrong by more than {100 * tolerance:g} cm "
+            f"({wrong.mean():.2%}), {(wrong & unsure).sum()} of them right with the threshold 1 dB lower or higher; "
+            f"{same_rule.sum()} by the paths and the receiver of the oracle"
+        )
+
+
 def main() -> None:
     """Print the tables."""
+    if "--rooms" in sys.argv[1:]:
+        numbers = [int(word) for word in sys.argv[1:] if word.isdigit()]
+        show_rooms(*(numbers + [40, 0][len(numbers) :])[:2])
+        return
     if "--past" in sys.argv[1:]:
         _show_largest_of_all(show_exact([past_obstacles], DISTANCES[-1:]))
         return

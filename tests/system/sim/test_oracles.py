@@ -3,24 +3,29 @@
 `python -m benchmarks.brute_force` compares 50 000 readings, `python -m benchmarks.heights` 8 640 in rooms with heights.
 """
 
+import cmath
+import itertools
 import math
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.special import hankel1
+from scipy.special import hankel1, hankel2
 from sonarhw_sim.air import EdgeStrength, Unit
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
 from sonarhw_sim.room.room import Room, load_room
 
+from benchmarks.cases.small_rooms import ORDERS
+from benchmarks.cases.small_rooms import WAVELENGTH as WAVE
 from benchmarks.wave_equation import DISTANCES, show_exact
 from tests.conftest import Count
 from tests.oracles import wave_scenes
 from tests.oracles.brute.furnished import THINNEST, compare
 from tests.oracles.brute.spatial import compare_in_box, compare_in_l_shape
+from tests.oracles.exact.room_waves import Band, RigidRoom, beam_harmonics, received, responses
 from tests.oracles.one_heading import range_at
 from tests.oracles.wave_equation import CELL, FLAT_WALL, STEP, WAVELENGTH, Scene, arrival_near, direct, echoes
 
@@ -221,3 +226,35 @@ def test_papers_factor_is_right_for_the_corner_of_a_box() -> None:
 @pytest.mark.parametrize("scene", wave_scenes.REFLECTED + wave_scenes.DIFFRACTED, ids=lambda scene: scene.name)
 def test_sound_without_a_path_is_faint(scene: Scene) -> None:
     assert decibels(wave_scenes.unexplained(scene)) < -30
+
+
+# whole rooms by boundary elements
+
+
+def by_images(width: float, depth: float, place: tuple[float, float], band: Band, orders: int) -> np.ndarray:
+    """Return what `responses` yields at one frequency for a rectangle, by its image sources."""
+    k, n = complex(band.wavenumbers[0]), np.arange(-orders, orders + 1)
+    total = np.zeros((len(n), len(n)), np.complex128)
+    for column, row, flip_x, flip_y in itertools.product(range(-4, 5), range(-4, 5), (0, 1), (0, 1)):
+        away = complex(2 * column * width - 2 * place[0] * flip_x, 2 * row * depth - 2 * place[1] * flip_y)
+        if away == 0:
+            continue
+        # a mirror image of order n turns the other way round
+        sign = np.where(flip_x, (-1.0) ** n, 1.0) * np.where(flip_x != flip_y, (-1.0) ** n, 1.0)
+        turned = -n if flip_x != flip_y else n
+        apart = turned - n[:, None]
+        total += sign * hankel2(apart, k * abs(away)) * np.exp(1j * apart * cmath.phase(-away))
+    return total
+
+
+def test_boundary_elements_of_an_empty_room_are_its_image_sources() -> None:
+    width, depth, place, band = 0.36, 0.3, (0.16, 0.13), Band(WAVE, 0.95, 0)
+    corners = [(0, 0), (width, 0), (width, depth), (0, depth)]
+    room = RigidRoom([(x - place[0], y - place[1]) for x, y in corners])
+    exact = by_images(width, depth, place, band, ORDERS)
+    beam, headings = beam_harmonics(math.tau / WAVE * 0.008, ORDERS), np.linspace(0, math.tau, 60)
+    k = complex(band.wavenumbers[0])
+    images = received(exact, k, beam, headings)
+    for per_wavelength, error in ((6.0, 0.03), (9.0, 0.012)):
+        solved = next(responses(room, band, ORDERS, per_wavelength))
+        assert np.abs(received(solved, k, beam, headings) - images).max() < error * np.abs(images).max()
