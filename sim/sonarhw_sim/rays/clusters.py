@@ -122,7 +122,11 @@ def _to_centre(ways: PartialPaths, number: int, followed: Followed, room: Room) 
     rows = np.flatnonzero(ways.edges == number)
     last = ways.points[rows, ways.bends[rows]] - ways.points[rows, ways.bends[rows] + 1]
     ways = ways.select(rows[np.hypot(*last.T) > _AT_CENTRE])
-    others = [cluster for k, cluster in enumerate(followed.clusters) if k != number and not cluster.on_wall]
+    own = followed.clusters[number]
+    if own.part.centre[1] > 0.0 and own.on_wall:
+        # sound from below the wall is that of the image of its source
+        ways = ways.select(np.flatnonzero(_sources(ways, own)[:, 1] > 0.0))
+    others = [cluster for cluster in followed.clusters if cluster.walls != own.walls and not cluster.on_wall]
     walls = room.walls[[row for cluster in others for row in cluster.walls]].reshape(-1, 4)
     blocked = np.zeros(len(ways), np.bool_)
     _fill_blocked(ways.points, walls, blocked)
@@ -163,7 +167,7 @@ def _joined(
 ) -> PartialPaths:
     """Return the paths by a cluster of each of the `first` ways and each of the `second`, reversed."""
     pairs, legs = _loud_pairs(first, second, cluster, diffraction, limits)
-    small = SmallWalls(cluster.local, diffraction.wavelength, cluster.openings, cluster.on_wall)
+    small = SmallWalls(cluster.local, diffraction.wavelength, cluster.openings, cluster.on_wall, cluster.part)
     points, both = _sources(first, cluster), pairs
     if second is not first:
         points, both = np.concatenate((points, _sources(second, cluster))), pairs + np.array([0, len(first)])
@@ -278,11 +282,12 @@ def _strengths(points: FloatArray, cluster: Cluster, room: Room) -> FloatArray:
 
 
 def _sources(ways: PartialPaths, cluster: Cluster) -> FloatArray:
-    """Return where the sound of ways seems to come from, in coordinates of the cluster, (n, 2) m."""
+    """Return where the sound of ways seems to come from, in coordinates of the whole cluster, (n, 2) m."""
     rows = np.arange(len(ways))
     away = ways.points[rows, ways.bends] - np.array(cluster.centre)
     directions = np.arctan2(away[:, 1], away[:, 0]) - cluster.turn
-    return np.asarray(ways.lengths[:, None] * np.column_stack((np.cos(directions), np.sin(directions))))
+    away = ways.lengths[:, None] * np.column_stack((np.cos(directions), np.sin(directions)))
+    return np.asarray(away + cluster.part.centre)
 
 
 def _edge_of(cluster: Cluster, room: Room) -> int:

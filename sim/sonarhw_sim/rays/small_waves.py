@@ -9,7 +9,7 @@ are rigid. Time dependence e^{+jωt}.
 import itertools
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from sonarhw.readings import FloatArray
 from sonarhw_sim.board.beam import ComplexArray
 from sonarhw_sim.compiled import compiled
+from sonarhw_sim.room.small_things import WHOLE, Part
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -43,12 +44,13 @@ class SmallWalls:
     wavelength: float
     openings: tuple[tuple[float, float], ...] = ()  # of the endless wall, from x to x
     on_wall: bool = False
+    part: Part = WHOLE
 
     def sound(self, points: FloatArray, pairs: NDArray[np.intp]) -> ComplexArray:
         """Return the scattered sound between the points (n, 2) of each pair (p, 2), (p,).
 
-        It is relative to sound by way of the origin. On an endless wall, it is the difference from what the wall alone
-        returns with its openings closed.
+        It is relative to sound by way of the centre of the part. On an endless wall, it is the difference from what the
+        wall alone returns with its openings closed.
         """
         return self._relative(math.tau / self.wavelength, points, pairs)
 
@@ -77,9 +79,24 @@ class SmallWalls:
         _fill_products(returned, sent, pairs, total)
         both = np.flatnonzero(near[pairs].all(axis=1))
         first, second = (np.cumsum(near) - 1)[pairs[both]].T
-        total[both] = ((caused @ _inverse(self, number))[first] * caused[second]).sum(axis=1)
-        by_origin = number * lengths[pairs].sum(axis=1)
-        return np.asarray(total / (-0.25j * j0(by_origin) - 0.25 * y0(by_origin)))
+        total[both] = (_answers(self, number, caused.T).T[first] * caused[second]).sum(axis=1)
+        by_centre = number * np.hypot(*(points - self.part.centre).T)[pairs].sum(axis=1)
+        return np.asarray(total / (-0.25j * j0(by_centre) - 0.25 * y0(by_centre)))
+
+    @property
+    def whole(self) -> "SmallWalls":
+        """The same walls, not in parts."""
+        return self if self.part == WHOLE else replace(self, part=WHOLE)
+
+    @property
+    def places(self) -> FloatArray:
+        """The place of each unknown, (u, 2) m."""
+        upper, lower, flow = self.panels
+        places = [flow.middles]
+        for panels, side in ((lower, -1.0), (upper, 1.0)):
+            sizes = np.abs(panels.averages).T
+            places.insert(0, sizes @ panels.middles / sizes.sum(axis=1, keepdims=True) * (1.0, side))
+        return np.concatenate(places)
 
     @cached_property
     def radius(self) -> float:
@@ -113,7 +130,7 @@ class SmallWalls:
     @property
     def panels(self) -> "tuple[_Panels, _Panels, _Panels]":
         """Those of the walls above the endless wall, or all, those of the walls below, turned up, and the openings."""
-        return _panels(self)
+        return _panels(self.whole)
 
     def _caused(self, number: float, points: FloatArray) -> ComplexArray:
         """Return what a source at each point (n, 2) causes at each unknown, (u, n)."""
@@ -150,9 +167,30 @@ class _Modes:
     scattered: ComplexArray  # (r, r): what each field returns
 
 
-@lru_cache(maxsize=48)
+@lru_cache(maxsize=384)
 def _modes(small: SmallWalls, number: float) -> _Modes:
-    """Return the fields at small walls, for a wave number (1/m), by sources on the nearest circle."""
+    """Return the fields at small walls, and what a part of these returns, for a wave number (1/m)."""
+    by_waves, fields = _fields(small.whole, number)
+    answers = _answers(small, number, fields)
+    return _Modes(by_waves, answers, fields.T @ answers)
+
+
+def _answers(small: SmallWalls, number: float, fields: ComplexArray) -> ComplexArray:
+    """Return what each unknown of a part returns to sources of fields (u, n), (u, n).
+
+    It is half of what leaves from the part, and half of what the sound that meets the part causes anywhere. Sound that
+    both meets and leaves the part would contain resonances inside of solids, which only all walls together keep in.
+    """
+    inverse = _inverse(small.whole, number)
+    if small.part == WHOLE:
+        return np.asarray(inverse @ fields)
+    share = small.part.share(small.places)[:, None] / 2.0
+    return np.asarray(share * (inverse @ fields) + inverse @ (share * fields))
+
+
+@lru_cache(maxsize=48)
+def _fields(small: SmallWalls, number: float) -> tuple[tuple[ComplexArray, ...], ComplexArray]:
+    """Return `waves` of `_Modes`, and the fields at the unknowns, (u, r), by sources on the nearest circle."""
     count = 1 + small._order(number)
     angles = (np.arange(count if small.on_wall else 2 * count) + 0.5) * math.pi / count
     points = small.nearest * np.column_stack((np.cos(angles), np.sin(angles)))
@@ -165,9 +203,7 @@ def _modes(small: SmallWalls, number: float) -> _Modes:
     fields = fields[:, sizes > _FAINTEST * sizes[0]]
     parts = fields.conj().T * units
     by_waves = tuple(np.asarray(np.linalg.lstsq(waves, (parts @ side).T)[0]) for side in caused)
-    fields = fields / units[:, None]
-    answers = _inverse(small, number) @ fields
-    return _Modes(by_waves, answers, fields.T @ answers)
+    return by_waves, np.asarray(fields / units[:, None])
 
 
 @compiled

@@ -27,10 +27,41 @@ _NEAR = 8.0  # things with a narrower gap between them
 _LONGEST = 45.0  # a longer wall is part of no cluster
 _LARGEST = 90.0  # the outline of a cluster that is solved
 _BESIDE = 8.0  # an endless wall continues so far at both sides of a cluster
+_LEAST_BESIDE = 1.0  # the same, of a piece of walls that are not solved together
+_NARROW = 3.5  # a cluster in one part
+_WINDOW, _MOST_WINDOWS = 4.0, 8  # distance and number of windows along a cluster
 _TOGETHER = 64.0  # sound that makes a detour as long arrives after a burst
 _MOST = 1000  # short walls; with more, a room has no clusters
 _FLAT = 0.01  # rad, by which a corner differs from a wall that continues
 _SAME_WAY = 1e-6  # rad
+
+
+class Part(NamedTuple):
+    """A part of the sound of a cluster, in its own coordinates: that of a window along x and along y."""
+
+    numbers: tuple[tuple[int, int], ...] = ((0, 1), (0, 1))  # along x and y: number and count of windows
+    spans: tuple[tuple[float, float], ...] = ((0.0, 0.0), (0.0, 0.0))  # along x and y: first and last window, m
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        """The middle of the window, m."""
+        x, y = (
+            low + (high - low) * number / (count - 1) if count > 1 else 0.0
+            for (number, count), (low, high) in zip(self.numbers, self.spans, strict=True)
+        )
+        return x, y
+
+    def share(self, places: FloatArray) -> FloatArray:
+        """Return the share of the window in places (u, 2) m, (u,); that of all windows is 1."""
+        total = np.ones(len(places))
+        for column, ((number, count), (low, high)) in enumerate(zip(self.numbers, self.spans, strict=True)):
+            at = np.clip((places[:, column] - low) / max(high - low, MEETING), 0.0, 1.0) * (count - 1)
+            # straight from one window to the next
+            total *= np.maximum(1.0 - np.abs(at - number), 0.0)
+        return total
+
+
+WHOLE = Part()
 
 
 @dataclass(frozen=True)
@@ -46,6 +77,28 @@ class Cluster:
     local: tuple[tuple[float, float, float, float], ...] = ()  # its walls in its own coordinates, m
     openings: tuple[tuple[float, float], ...] = ()  # of the wall on which it stands, from x to x, m
     on_wall: bool = False
+    part: Part = WHOLE
+
+    def parts(self, wavelength: float) -> "tuple[Cluster, ...]":
+        """Return the parts of a wide cluster, each with the centre by which rays follow its sound."""
+        walls = np.array(self.local).reshape(-1, 2, 2)
+        openings = np.array([((a, 0.0), (b, 0.0)) for a, b in self.openings]).reshape(-1, 2, 2)
+        ends = np.concatenate((walls, openings)).reshape(-1, 2)
+        low, high = ends.min(axis=0), ends.max(axis=0)
+        if self.on_wall:
+            # rays to a centre below the wall would be blocked
+            low[1], high[1] = 0.0, 0.0 if self.openings else max(high[1], 0.0)
+        wide, windows = high - low > _NARROW * wavelength, np.ceil((high - low) / (_WINDOW * wavelength))
+        counts = np.where(wide, np.minimum(1 + windows, _MOST_WINDOWS), 1).astype(int).tolist()
+        if counts == [1, 1]:
+            return (self,)
+        spans = tuple((float(a), float(b)) for a, b in zip(low, high, strict=True))
+        parts = [Part(((x, counts[0]), (y, counts[1])), spans) for x in range(counts[0]) for y in range(counts[1])]
+        turn = np.array([[math.cos(self.turn), math.sin(self.turn)], [-math.sin(self.turn), math.cos(self.turn)]])
+        centres = [np.array(self.centre) + np.array(part.centre) @ turn for part in parts]
+        return tuple(
+            replace(self, centre=(float(x), float(y)), part=part) for part, (x, y) in zip(parts, centres, strict=True)
+        )
 
 
 class Slit(NamedTuple):
@@ -61,7 +114,7 @@ class Followed:
 
     room: Room  # without clusters on walls, and with walls on one line joined
     bare: Room  # without any cluster that is solved; its edges are the centres of these
-    clusters: tuple[Cluster, ...]  # solved ones, rows of `bare.edges`
+    clusters: tuple[Cluster, ...]  # parts of solved ones, rows of `bare.edges`
     guessed: tuple[Cluster, ...]  # those that are not solved
     joined: tuple[tuple[int, ...], ...]  # of each wall of `room`, rows of the original walls
     edges: IntArray  # of each edge of `room`, its row in the original edges
@@ -89,7 +142,8 @@ def followed(room: Room, wavelength: float, solves: bool) -> Followed | None:
     kept = [k for k, group in enumerate(groups) if not removed.intersection(group)]
     bare = [k for k, group in enumerate(groups) if not (removed | alone).intersection(group)]
     base = _with_walls(room, walls, groups, kept)
-    without = replace(_with_walls(room, walls, groups, bare), edges=_centres(solved))
+    parts = tuple(part for cluster in solved for part in cluster.parts(wavelength))
+    without = replace(_with_walls(room, walls, groups, bare), edges=_centres(parts))
     joined = tuple(groups[k] for k in kept)
     silent = [row for row, group in enumerate(joined) if alone.intersection(group)]
     edges = find_edges(base.walls, base.names[: len(base.walls)])
@@ -99,7 +153,7 @@ def followed(room: Room, wavelength: float, solves: bool) -> Followed | None:
     faces, reflectances = base.reflectances[edges.faces], base.reflectances.copy()
     reflectances[silent] = 0.0
     base = replace(base, edges=edges, reflectances=reflectances)
-    return Followed(base, without, solved, guessed, joined, _same_edges(edges, room.edges), faces)
+    return Followed(base, without, parts, guessed, joined, _same_edges(edges, room.edges), faces)
 
 
 def _with_walls(room: Room, walls: FloatArray, groups: Sequence[tuple[int, ...]], kept: Sequence[int]) -> Room:
@@ -213,9 +267,35 @@ def clusters_of(room: Room, wavelength: float) -> tuple[Cluster, ...]:
         gaps = _gaps(walls[part], walls[large]).min(axis=0) if len(large) else np.empty(0)
         beside = large[gaps < _NEAR * wavelength]
         if not _is_round_a_place(room, walls[part]) and _is_hard(room, walls, part, beside, wavelength):
-            originals = tuple(row for k in part.tolist() for row in groups[k])
-            clusters.append(_cluster(walls, part, beside, originals, wavelength))
+            whole = _cluster(walls, groups, part, beside, wavelength)
+            clusters += [whole] if whole.solvable else _in_pieces(room, walls, groups, part, wavelength)
     return tuple(clusters)
+
+
+def _in_pieces(
+    room: Room, walls: FloatArray, groups: Sequence[tuple[int, ...]], part: NDArray[np.intp], wavelength: float
+) -> list[Cluster]:
+    """Return the clusters of walls that are not solved together: each piece that stands on one wall, and the rest.
+
+    What a piece and its neighbours scatter to each other is left out, but not what another wall reflects to it.
+    """
+    short = np.hypot(*_along(walls[part]).T) <= _SHORT * wavelength
+    pieces, rest = [], [part[:0]]
+    others = np.setdiff1d(np.arange(len(walls)), part[short])
+    for rows in _components(_gaps(walls[part[short]], walls[part[short]]) <= MEETING):
+        piece = part[short][rows]
+        support = others[_gaps(walls[piece], walls[others]).min(axis=0) <= MEETING]
+        found = _cluster(walls, groups, piece, support, wavelength, _LEAST_BESIDE) if len(support) else None
+        if found is not None and found.solvable:
+            pieces.append(found)
+        else:
+            rest.append(piece)
+    left = np.concatenate(rest)
+    beside = np.setdiff1d(others, left)
+    beside = beside[_gaps(walls[left], walls[beside]).min(axis=0) < _NEAR * wavelength] if len(left) else beside
+    if len(left) and _is_hard(room, walls, left, beside, wavelength):
+        pieces.append(replace(_cluster(walls, groups, left, beside, wavelength), solvable=False))
+    return pieces
 
 
 def slits_of(room: Room, wavelength: float) -> list[Slit]:
@@ -350,18 +430,26 @@ def _can_be_heard(room: Room, point: FloatArray) -> bool:
 
 def _cluster(
     walls: FloatArray,
+    groups: Sequence[tuple[int, ...]],
     part: NDArray[np.intp],
     beside: NDArray[np.intp],
-    originals: tuple[int, ...],
     wavelength: float,
+    continued: float = _BESIDE,
 ) -> Cluster:
+    """Return the cluster of a part of the walls; one they stand on has to continue for some wavelengths."""
+    originals = tuple(row for k in part.tolist() for row in groups[k])
     own = walls[part]
     ends = own.reshape(-1, 2)
     lengths = np.hypot(*_along(own).T)
     openings: tuple[tuple[float, float], ...] = ()
     is_small = bool(lengths.sum() <= _LARGEST * wavelength)
     if not len(beside):
-        centre, turn = (ends.min(axis=0) + ends.max(axis=0)) / 2, 0.0
+        # along its longest wall, so that nothing depends on the axes of the room
+        longest = own[int((lengths >= lengths.max() * (1.0 - 1e-9)).argmax())]
+        turn = math.atan2(*(longest[2:] - longest[:2])[::-1])
+        points = _turned(own, np.zeros(2), turn).reshape(-1, 2)
+        middles = np.tile((points.min(axis=0) + points.max(axis=0)) / 2, (1, 2))
+        centre = _turned(middles, np.zeros(2), -turn)[0, :2]
         solvable, on_wall = is_small, False
     else:
         longest = walls[beside[np.hypot(*_along(walls[beside]).T).argmax()]]
@@ -369,7 +457,7 @@ def _cluster(
         local = _turned(own, longest[:2], turn)
         low, high = float(local[:, 0::2].min()), float(local[:, 0::2].max())
         spans = _spans(_turned(walls[beside], longest[:2], turn))
-        solvable = is_small and spans is not None and _continues(spans, low, high, _BESIDE * wavelength)
+        solvable = is_small and spans is not None and _continues(spans, low, high, continued * wavelength)
         middle = (low + high) / 2
         centre = longest[:2] + middle * np.array([math.cos(turn), math.sin(turn)])
         openings = () if spans is None else tuple(_openings([*spans, *_flat(local)], low, high, middle))

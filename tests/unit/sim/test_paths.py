@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.spatial import cKDTree
-from scipy.special import h1vp, hankel1, jv, jvp
+from scipy.special import h1vp, hankel1, hankel2, jv, jvp
 from sonarhw_sim.air import EdgeStrength
 from sonarhw_sim.board.beam import beam_gain
 from sonarhw_sim.rays import fan as path_table
@@ -18,6 +18,7 @@ from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths, find_paths_of_
 from sonarhw_sim.rays.posts import cylinder_factor
 from sonarhw_sim.rays.small_waves import SmallWalls
 from sonarhw_sim.room.room import Room, load_room, with_post
+from sonarhw_sim.room.small_things import WHOLE, Part
 
 from sonarhw.errors import InputError
 from tests.fixtures.rooms_for_tests import polygon_room, room_of, star_room
@@ -486,8 +487,8 @@ def test_sound_by_a_small_thing_comes_back_at_its_distance_and_is_the_same_in_re
     assert there.lengths == pytest.approx(back.lengths, abs=1e-5)
     assert sorted(there.gains) == pytest.approx(sorted(back.gains), rel=1e-5)
     alone = find_paths(room_of(walls_of([TRAY])), (0.0, 0.0), search)
-    assert len(alone) == 1
-    assert 2 * 0.69 < alone.lengths[0] < 2 * 0.74
+    assert len(alone) > 0
+    assert alone.lengths == pytest.approx(2 * 0.715, abs=2 * 0.025)
 
 
 @pytest.mark.parametrize(
@@ -514,8 +515,42 @@ def test_small_things_return_the_same_by_each_wall(chain: Chain, openings: tuple
     )
 
 
+def test_parts_of_a_wide_thing_return_what_it_returns_as_a_whole() -> None:
+    wide, points = (
+        ((-0.05, 0.01, 0.06, 0.01), (0.06, 0.01, 0.06, 0.0)),
+        np.array([[0.2, 0.3], [-0.3, 0.2], [0.01, 0.05]]),
+    )
+    pairs = np.array([[0, 1], [0, 2], [2, 2]])
+
+    def returned(part: Part) -> NDArray[np.complex128]:
+        lengths = np.hypot(*(points - part.centre).T)[pairs].sum(axis=1)
+        sound = SmallWalls(wide, WAVE, (), on_wall=True, part=part).sound(points, pairs)
+        return np.asarray(sound * hankel2(0, WAVENUMBER * lengths))
+
+    spans = (-0.05, 0.06), (0.0, 0.01)
+    parts = [Part(((x, 4), (y, 2)), spans) for x in range(4) for y in range(2)]
+    assert sum(returned(part) for part in parts) == pytest.approx(returned(WHOLE), rel=1e-9)
+
+
+SKIRTING: Chain = [(-0.05, 0.2), (-0.05, 0.197), (0.05, 0.197), (0.05, 0.2)]
+
+
+def test_the_sound_of_a_skirting_comes_from_its_end_and_not_from_its_middle() -> None:
+    walls = [*walls_of([[(x + 0.15, y) for x, y in SKIRTING]]), (-2.0, 0.2, 2.0, 0.2)]
+    paths = find_paths(room_of(walls), (0.0, 0.0), PathSearch(1.0, WAVE, faintest_diffraction=1e-3))
+    by_thing = np.flatnonzero(paths.edges >= 0)
+    loudest = by_thing[paths.gains[by_thing].argmax()]
+    assert math.degrees(paths.departures[loudest]) == pytest.approx(math.degrees(math.atan2(0.2, 0.1)), abs=3.0)
+
+
 def test_a_rotated_room_with_small_things_has_the_same_paths() -> None:
-    chains = [TRAY, DUCT, [(0.8, -2.0), (0.8, 2.0)], [(-0.5, -1.0), (-0.5, 1.0)]]
+    chains = [
+        TRAY,
+        DUCT,
+        [(x + 0.1, y - 0.1) for x, y in SKIRTING],
+        [(0.8, -2.0), (0.8, 2.0)],
+        [(-0.5, -1.0), (-0.5, 1.0)],
+    ]
     search = PathSearch(3.0, WAVE, faintest_diffraction=1e-4)
     plain, other = (
         find_paths(room_of(walls_of(turned(chains, angle))), (0.0, 0.0), search) for angle in (0.0, math.radians(17.3))
