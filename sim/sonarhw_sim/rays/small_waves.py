@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from sonarhw.readings import FloatArray
 from sonarhw_sim.board.beam import ComplexArray
 from sonarhw_sim.compiled import compiled
-from sonarhw_sim.room.small_things import WHOLE, Part
+from sonarhw_sim.room.small_things import WHOLE, SoundPart
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -44,7 +44,7 @@ class SmallWalls:
     wavelength: float
     openings: tuple[tuple[float, float], ...] = ()  # of the endless wall, from x to x
     on_wall: bool = False
-    part: Part = WHOLE
+    part: SoundPart = WHOLE
 
     def sound(self, points: FloatArray, pairs: NDArray[np.intp]) -> ComplexArray:
         """Return the scattered sound between the points (n, 2) of each pair (p, 2), (p,).

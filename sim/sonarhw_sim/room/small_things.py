@@ -36,7 +36,7 @@ _FLAT = 0.01  # rad, by which a corner differs from a wall that continues
 _SAME_WAY = 1e-6  # rad
 
 
-class Part(NamedTuple):
+class SoundPart(NamedTuple):
     """A part of the sound of a cluster, in its own coordinates: that of a window along x and along y."""
 
     numbers: tuple[tuple[int, int], ...] = ((0, 1), (0, 1))  # along x and y: number and count of windows
@@ -61,7 +61,7 @@ class Part(NamedTuple):
         return total
 
 
-WHOLE = Part()
+WHOLE = SoundPart()
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class Cluster:
     local: tuple[tuple[float, float, float, float], ...] = ()  # its walls in its own coordinates, m
     openings: tuple[tuple[float, float], ...] = ()  # of the wall on which it stands, from x to x, m
     on_wall: bool = False
-    part: Part = WHOLE
+    part: SoundPart = WHOLE
 
     def parts(self, wavelength: float) -> "tuple[Cluster, ...]":
         """Return the parts of a wide cluster, each with the centre by which rays follow its sound."""
@@ -93,7 +93,7 @@ class Cluster:
         if counts == [1, 1]:
             return (self,)
         spans = tuple((float(a), float(b)) for a, b in zip(low, high, strict=True))
-        parts = [Part(((x, counts[0]), (y, counts[1])), spans) for x in range(counts[0]) for y in range(counts[1])]
+        parts = [SoundPart(((x, counts[0]), (y, counts[1])), spans) for x in range(counts[0]) for y in range(counts[1])]
         turn = np.array([[math.cos(self.turn), math.sin(self.turn)], [-math.sin(self.turn), math.cos(self.turn)]])
         centres = [np.array(self.centre) + np.array(part.centre) @ turn for part in parts]
         return tuple(

@@ -18,7 +18,7 @@ from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths, find_paths_of_
 from sonarhw_sim.rays.posts import cylinder_factor
 from sonarhw_sim.rays.small_waves import SmallWalls
 from sonarhw_sim.room.room import Room, load_room, with_post
-from sonarhw_sim.room.small_things import WHOLE, Part
+from sonarhw_sim.room.small_things import WHOLE, SoundPart
 
 from sonarhw.errors import InputError
 from tests.fixtures.rooms_for_tests import polygon_room, room_of, star_room
@@ -522,13 +522,13 @@ def test_parts_of_a_wide_thing_return_what_it_returns_as_a_whole() -> None:
     )
     pairs = np.array([[0, 1], [0, 2], [2, 2]])
 
-    def returned(part: Part) -> NDArray[np.complex128]:
+    def returned(part: SoundPart) -> NDArray[np.complex128]:
         lengths = np.hypot(*(points - part.centre).T)[pairs].sum(axis=1)
         sound = SmallWalls(wide, WAVE, (), on_wall=True, part=part).sound(points, pairs)
         return np.asarray(sound * hankel2(0, WAVENUMBER * lengths))
 
     spans = (-0.05, 0.06), (0.0, 0.01)
-    parts = [Part(((x, 4), (y, 2)), spans) for x in range(4) for y in range(2)]
+    parts = [SoundPart(((x, 4), (y, 2)), spans) for x in range(4) for y in range(2)]
     assert sum(returned(part) for part in parts) == pytest.approx(returned(WHOLE), rel=1e-9)
 
 
