@@ -94,8 +94,8 @@ class SmallWalls:
         upper, lower, flow = self.panels
         places = [flow.middles]
         for panels, side in ((lower, -1.0), (upper, 1.0)):
-            sizes = np.abs(panels.averages).T
-            places.insert(0, sizes @ panels.middles / sizes.sum(axis=1, keepdims=True) * (1.0, side))
+            sizes = abs(panels.averages)
+            places.insert(0, sizes @ panels.middles / sizes.sum(axis=1)[:, None] * (1.0, side))
         return np.concatenate(places)
 
     @cached_property
@@ -167,7 +167,7 @@ class _Modes:
     scattered: ComplexArray  # (r, r): what each field returns
 
 
-@lru_cache(maxsize=384)
+@lru_cache(maxsize=128)
 def _modes(small: SmallWalls, number: float) -> _Modes:
     """Return the fields at small walls, and what a part of these returns, for a wave number (1/m)."""
     by_waves, fields = _fields(small.whole, number)
