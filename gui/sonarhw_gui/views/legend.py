@@ -333,7 +333,8 @@ class Legend(QWidget):
         """Show the entries in use that fit into one line, and all of them once `more` is pressed."""
         entries = [*self.entries.values(), *self.explained.values()]
         for entry in entries:
-            entry.setFixedSize(entry.sizeHint())  # otherwise each count triggers a new layout of the window
+            if (size := entry.sizeHint()) != entry.minimumSize():
+                entry.setFixedSize(size)  # otherwise each count triggers a new layout of the window
         used = [entry for entry in entries if entry not in self.unused]
         line = self._fitting(used) if self._switches else len(used)
         shown = len(used) if self.more.isChecked() else line
@@ -341,7 +342,8 @@ class Legend(QWidget):
         parts = {entry: entry in used[:shown] for entry in entries} | {self.more: line < len(used)}
         # Qt lays out at once what becomes visible, and a second line for a moment would move the view below
         for part, visible in sorted(parts.items(), key=lambda item: item[1]):
-            part.setVisible(visible)
+            if part.isHidden() is visible:
+                part.setVisible(visible)
 
     def _fitting(self, used: list[QToolButton]) -> int:
         """Return how many of these entries fit into one line, with `more` if it is needed."""
