@@ -73,13 +73,15 @@ class SmallWalls:
         waves, caused = self._waves(number, points), self._caused(number, points[near]).T
         sent, below = waves @ modes.waves[0], np.flatnonzero(self.on_wall & (points[:, 1] < 0.0))
         sent[below] = waves[below] @ modes.waves[-1]
-        returned = sent @ modes.scattered
-        returned[near] = caused @ modes.answers
+        returned, answers = sent @ modes.scattered, caused
+        if near.any():
+            answers = _answers(self, number, caused.T).T
+            returned[near] = answers @ _fields(self.whole, number)[1]
         total = np.empty(len(pairs), np.complex128)
         _fill_products(returned, sent, pairs, total)
         both = np.flatnonzero(near[pairs].all(axis=1))
         first, second = (np.cumsum(near) - 1)[pairs[both]].T
-        total[both] = (_answers(self, number, caused.T).T[first] * caused[second]).sum(axis=1)
+        total[both] = (answers[first] * caused[second]).sum(axis=1)
         by_centre = number * np.hypot(*(points - self.part.centre).T)[pairs].sum(axis=1)
         return np.asarray(total / (-0.25j * j0(by_centre) - 0.25 * y0(by_centre)))
 
@@ -163,7 +165,6 @@ class _Modes:
     """
 
     waves: tuple[ComplexArray, ...]  # (w, r): the fields by waves from the origin, above an endless wall and below
-    answers: ComplexArray  # (u, r): what each unknown returns to sources of each field
     scattered: ComplexArray  # (r, r): what each field returns
 
 
@@ -171,8 +172,7 @@ class _Modes:
 def _modes(small: SmallWalls, number: float) -> _Modes:
     """Return the fields at small walls, and what a part of these returns, for a wave number (1/m)."""
     by_waves, fields = _fields(small.whole, number)
-    answers = _answers(small, number, fields)
-    return _Modes(by_waves, answers, fields.T @ answers)
+    return _Modes(by_waves, fields.T @ _answers(small, number, fields))
 
 
 def _answers(small: SmallWalls, number: float, fields: ComplexArray) -> ComplexArray:
@@ -188,7 +188,7 @@ def _answers(small: SmallWalls, number: float, fields: ComplexArray) -> ComplexA
     return np.asarray(share * (inverse @ fields) + inverse @ (share * fields))
 
 
-@lru_cache(maxsize=48)
+@lru_cache(maxsize=16)
 def _fields(small: SmallWalls, number: float) -> tuple[tuple[ComplexArray, ...], ComplexArray]:
     """Return `waves` of `_Modes`, and the fields at the unknowns, (u, r), by sources on the nearest circle."""
     count = 1 + small._order(number)
@@ -338,7 +338,7 @@ def _hats(starts: FloatArray, ends: FloatArray, on_wall: bool) -> tuple[FloatArr
     return averages, slopes
 
 
-@lru_cache(maxsize=8)  # up to 8 MB each, needed again only for places beside small walls
+@lru_cache(maxsize=16)  # up to 8 MB each, needed again only for places beside small walls
 def _inverse(small: SmallWalls, number: float) -> ComplexArray:
     """Return the inverse of the symmetric system of equations at a wave number (1/m)."""
     upper, lower, flow = small.panels
