@@ -70,18 +70,19 @@ class SmallWalls:
         modes, near = _modes(self, number), lengths < self.nearest
         # the second point of each pair is far, unless both are near
         pairs = np.where(near[pairs[:, 1:]], pairs[:, ::-1], pairs)
-        waves, caused = self._waves(number, points), self._caused(number, points[near]).T
+        waves = self._waves(number, points)
         sent, below = waves @ modes.waves[0], np.flatnonzero(self.on_wall & (points[:, 1] < 0.0))
         sent[below] = waves[below] @ modes.waves[-1]
-        returned, answers = sent @ modes.scattered, caused
+        returned, total = sent @ modes.scattered, np.empty(len(pairs), np.complex128)
         if near.any():
-            answers = _answers(self, number, caused.T).T
+            caused = self._caused(number, points[near])
+            answers = _answers(self, number, caused).T
             returned[near] = answers @ _fields(self.whole, number)[1]
-        total = np.empty(len(pairs), np.complex128)
         _fill_products(returned, sent, pairs, total)
-        both = np.flatnonzero(near[pairs].all(axis=1))
-        first, second = (np.cumsum(near) - 1)[pairs[both]].T
-        total[both] = (answers[first] * caused[second]).sum(axis=1)
+        if near.any():
+            both = np.flatnonzero(near[pairs].all(axis=1))
+            first, second = (np.cumsum(near) - 1)[pairs[both]].T
+            total[both] = (answers[first] * caused.T[second]).sum(axis=1)
         by_centre = number * np.hypot(*(points - self.part.centre).T)[pairs].sum(axis=1)
         return np.asarray(total / (-0.25j * j0(by_centre) - 0.25 * y0(by_centre)))
 

@@ -174,13 +174,8 @@ class Enclosures:
 
     def is_outside_of_all(self, point: FloatArray, walls: FloatArray) -> bool:
         """Return whether `point` (2,) is in no chain, and one chain encloses all `walls` (n, 4) of the room."""
-        ends, chains = walls.reshape(-1, 2), self._chains()
-        round_all = any(
-            (chain.reshape(-1, 2).min(axis=0) <= ends.min(axis=0) + MEETING).all()
-            and (chain.reshape(-1, 2).max(axis=0) >= ends.max(axis=0) - MEETING).all()
-            for chain in chains
-        )
-        return round_all and not any(
+        chains = self._chains()
+        return any(encloses(chain, walls) for chain in chains) and not any(
             inside(point[None], chain)[0] or wall_distances(point[None], chain).min() <= MEETING for chain in chains
         )
 
@@ -190,6 +185,13 @@ class Enclosures:
 
     def _chains(self) -> list[FloatArray]:
         return np.split(self.walls, self.starts[1:]) if len(self.starts) else []
+
+
+def encloses(chain: FloatArray, walls: FloatArray) -> bool:
+    """Return whether the walls (n, 4) are all within the extent of a chain of walls (m, 4)."""
+    ends, corners = walls.reshape(-1, 2), chain.reshape(-1, 2)
+    low, high = ends.min(axis=0) + MEETING, ends.max(axis=0) - MEETING
+    return bool((corners.min(axis=0) <= low).all() and (corners.max(axis=0) >= high).all())
 
 
 def find_enclosures(walls: FloatArray, edges: Edges) -> Enclosures:

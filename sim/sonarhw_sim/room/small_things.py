@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from sonarhw.readings import FloatArray
 from sonarhw_sim.room.edges import Edges, find_edges, wedges_at
 from sonarhw_sim.room.grid import IntArray
-from sonarhw_sim.room.room import Room, wall_distances
+from sonarhw_sim.room.room import Room, encloses, wall_distances
 from sonarhw_sim.room.room_file import MEETING
 
 # in wavelengths
@@ -28,8 +28,9 @@ _LONGEST = 45.0  # a longer wall is part of no cluster
 _LARGEST = 90.0  # the outline of a cluster that is solved
 _BESIDE = 8.0  # an endless wall continues so far at both sides of a cluster
 _LEAST_BESIDE = 1.0  # the same, of a piece of walls that are not solved together
-_NARROW = 3.5  # a cluster in one part
-_WINDOW, _MOST_WINDOWS = 4.0, 8  # distance and number of windows along a cluster
+_NARROW = 7.0  # a cluster in one part
+_WINDOW, _MOST_WINDOWS = 8.0, 4  # distance and number of windows along a cluster
+_SAMPLES = 64  # points of a wall, to find the windows that contain a part of it
 _TOGETHER = 64.0  # sound that makes a detour as long arrives after a burst
 _MOST = 1000  # short walls; with more, a room has no clusters
 _FLAT = 0.01  # rad, by which a corner differs from a wall that continues
@@ -83,7 +84,8 @@ class Cluster:
         """Return the parts of a wide cluster, each with the centre by which rays follow its sound."""
         walls = np.array(self.local).reshape(-1, 2, 2)
         openings = np.array([((a, 0.0), (b, 0.0)) for a, b in self.openings]).reshape(-1, 2, 2)
-        ends = np.concatenate((walls, openings)).reshape(-1, 2)
+        lines = np.concatenate((walls, openings))
+        ends = lines.reshape(-1, 2)
         low, high = ends.min(axis=0), ends.max(axis=0)
         if self.on_wall:
             # rays to a centre below the wall would be blocked
@@ -93,7 +95,10 @@ class Cluster:
         if counts == [1, 1]:
             return (self,)
         spans = tuple((float(a), float(b)) for a, b in zip(low, high, strict=True))
-        parts = [SoundPart(((x, counts[0]), (y, counts[1])), spans) for x in range(counts[0]) for y in range(counts[1])]
+        along = np.linspace(0.0, 1.0, _SAMPLES)[:, None, None]
+        places = (lines[:, 0] + along * (lines[:, 1] - lines[:, 0])).reshape(-1, 2)
+        windows_of = (SoundPart(((x, counts[0]), (y, counts[1])), spans) for x, y in np.ndindex(*counts))
+        parts = [part for part in windows_of if part.share(places).any()]  # others contain no wall
         turn = np.array([[math.cos(self.turn), math.sin(self.turn)], [-math.sin(self.turn), math.cos(self.turn)]])
         centres = [np.array(self.centre) + np.array(part.centre) @ turn for part in parts]
         return tuple(
@@ -420,10 +425,14 @@ def _is_hard(
 
 
 def _can_be_heard(room: Room, point: FloatArray) -> bool:
-    """Return whether a point is in the same closed chains of walls as some place of the room, or outside of all."""
-    chains = [chain.tobytes() for chain in room.enclosures.chains_around(point)]
+    """Return whether a point is in the same closed chains of walls as some place of the room.
+
+    Without named places, one in no chain is heard, and one in the chain round the whole room only.
+    """
+    around = room.enclosures.chains_around(point)
     if not room.places:
-        return not chains
+        return not around or (len(around) == 1 and encloses(around[0], room.walls))
+    chains = [chain.tobytes() for chain in around]
     places = (np.array(place.position) for place in room.places.values())
     return any([chain.tobytes() for chain in room.enclosures.chains_around(place)] == chains for place in places)
 

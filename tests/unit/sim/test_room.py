@@ -21,6 +21,7 @@ from sonarhw_sim.room.room import with_material as with_one_material
 from sonarhw_sim.room.room_arrays import room_from_arrays
 from sonarhw_sim.room.room_writing import materials, with_air, with_place
 from sonarhw_sim.room.room_writing import with_material as with_written_material
+from sonarhw_sim.room.small_things import clusters_of
 
 from tests.checkout import CHECKOUT
 
@@ -57,6 +58,15 @@ class Shape:
     """An object of another library."""
 
     __geo_interface__: ClassVar = {"type": "Polygon", "coordinates": [[*SQUARE, SQUARE[0]]]}
+
+
+def test_small_things_of_a_room_without_named_places_are_those_of_the_room_with_one() -> None:
+    jamb = [[1.5, 3, 1.5, 2.95], [1.5, 2.95, 1.6, 2.95], [1.6, 2.95, 1.6, 3]]
+    box = [[3, 1, 3.02, 1], [3.02, 1, 3.02, 1.02], [3.02, 1.02, 3, 1.02], [3, 1.02, 3, 1]]
+    walls = [[0, 0, 4, 0], [4, 0, 4, 3], [4, 3, 0, 3], [0, 3, 0, 0], *jamb, *box]
+    named, unnamed = room_from_arrays(walls, places={"here": (2, 1)}), room_from_arrays(walls)
+    clusters, others = (clusters_of(room, 0.00695) for room in (named, unnamed))
+    assert [cluster.walls for cluster in clusters] == [cluster.walls for cluster in others] == [(4, 5, 6)]
 
 
 @pytest.mark.parametrize(
