@@ -56,9 +56,9 @@ class SoundPart(NamedTuple):
         """Return the share of the window in places (u, 2) m, (u,); that of all windows is 1."""
         total = np.ones(len(places))
         for column, ((number, count), (low, high)) in enumerate(zip(self.numbers, self.spans, strict=True)):
-            at = np.clip((places[:, column] - low) / max(high - low, MEETING), 0.0, 1.0) * (count - 1)
-            # straight from one window to the next
-            total *= np.maximum(1.0 - np.abs(at - number), 0.0)
+            along = np.clip((places[:, column] - low) / max(high - low, MEETING), 0.0, 1.0) * (count - 1)
+            # falls linearly to the next window
+            total *= np.maximum(1.0 - np.abs(along - number), 0.0)
         return total
 
 
@@ -290,9 +290,9 @@ def _in_pieces(
     for rows in _components(_gaps(walls[part[short]], walls[part[short]]) <= MEETING):
         piece = part[short][rows]
         support = others[_gaps(walls[piece], walls[others]).min(axis=0) <= MEETING]
-        found = _cluster(walls, groups, piece, support, wavelength, _LEAST_BESIDE) if len(support) else None
-        if found is not None and found.solvable:
-            pieces.append(found)
+        cluster = _cluster(walls, groups, piece, support, wavelength, _LEAST_BESIDE) if len(support) else None
+        if cluster is not None and cluster.solvable:
+            pieces.append(cluster)
         else:
             rest.append(piece)
     left = np.concatenate(rest)
