@@ -261,6 +261,7 @@ def test_boundary_elements_of_an_empty_room_are_its_image_sources() -> None:
         assert np.abs(received(solved, k, beam, headings) - images).max() < error * np.abs(images).max()
 
 
+@pytest.mark.soak
 def test_first_echoes_in_a_room_with_legs_ducts_and_skirtings_are_those_of_the_wave() -> None:
     # a skirting as wide as it is far away: 13 wrong when its sound was that of its middle
     small = small_room(14)
