@@ -206,8 +206,10 @@ def predicted_for(
 
 def headings_of(readings: Sequence[Reading], place: Place | Sequence[Place], board: Board) -> FloatArray:
     """Return the heading of each reading in the room, (n,) rad; that of a place is the actual one of step 0."""
-    zeros = place.heading if isinstance(place, Place) else np.array([there.heading for there in place], np.float64)
-    return zeros + board.turned(np.array([reading.angle for reading in readings], np.float64))
+    turns = board.turned(np.array([reading.angle for reading in readings], np.float64))
+    if isinstance(place, Place):
+        return place.heading + turns
+    return np.array([there.heading for there, _ in zip(place, readings, strict=True)], np.float64) + turns
 
 
 def match_readings(readings: Sequence[Reading], prediction: PredictedScan, offset: float = 0.0) -> Comparison:
