@@ -142,16 +142,6 @@ class Stretch:
         """The number after the last reading."""
         return self.first + len(self.comparison.readings)
 
-    @property
-    def predicted(self) -> FloatArray:
-        """Predicted ranges, (n,) m; NaN: no echo."""
-        return self.comparison.predicted
-
-    @property
-    def kinds(self) -> IntArray:
-        """Index of each reading's class in `Kind`, (n,)."""
-        return self.comparison.kinds
-
     @cached_property
     def paths(self) -> tuple[IntArray, tuple[str, ...]]:
         """Index of each reading's path name or NO_PATH, (n,), and the names.
@@ -159,7 +149,7 @@ class Stretch:
         The path of a missed echo is the predicted one.
         """
         prediction = self.comparison.prediction
-        missed = self.kinds == KINDS.index(Kind.MISSED)
+        missed = self.comparison.kinds == KINDS.index(Kind.MISSED)
         numbers = np.where(missed, prediction.winners, self.comparison.paths)
         different, places = np.unique(numbers, return_inverse=True)
         names = {
@@ -239,7 +229,7 @@ def _compared(result: PathsFound, first: int, readings: tuple[Reading, ...], beg
         # all stretches share one table of paths; their copies would fill the memory
         prediction = replace(prediction, paths=result.paths)
     stretch = Stretch(first, match_readings(readings, prediction), result.draft, result.generation)
-    _ = stretch.predicted, stretch.paths  # computed here, not in the thread that draws
+    _ = stretch.comparison.predicted, stretch.paths  # computed here, not in the thread that draws
     return stretch
 
 

@@ -16,7 +16,7 @@ from sonarhw_gui.jobs.forecast import NO_PATH, ComparedScan, IntArray
 from sonarhw_gui.model.look import MARKS, Class, Look, Unclassed
 from sonarhw_gui.model.scene import NO_NOTES, NoteTexts, Scene
 
-CLASSES: tuple[Class, ...] = (*Kind, *Unclassed)  # begins with the codes of `Stretch.kinds`
+CLASSES: tuple[Class, ...] = (*Kind, *Unclassed)  # begins with the codes of `Comparison.kinds`
 CODES = {kind: code for code, kind in enumerate(CLASSES)}
 
 
@@ -105,7 +105,8 @@ def _compared_values(
     for stretch in stretches:
         here = slice(stretch.first, min(stretch.end, count))
         rows = slice(0, here.stop - here.start)
-        predicted[here], classes[here] = stretch.predicted[rows], stretch.kinds[rows]
+        comparison = stretch.comparison
+        predicted[here], classes[here] = comparison.predicted[rows], comparison.kinds[rows]
         numbers, own_names = stretch.paths
         paths[here] = np.array([*(places[name] for name in own_names), NO_PATH], np.int64)[numbers[rows]]
     return predicted, classes, paths, tuple(names)
