@@ -15,7 +15,7 @@ about a minute and a half of processor time.
 
 `--rooms [COUNT [FIRST]]` compares the first echoes of whole small rooms with legs, cables, door jambs, ducts and
 skirtings, 120 headings each, with boundary elements for the whole room (half a minute of processor time each; solved
-rooms are kept in `build/small_rooms`). Default: 40 rooms. Held are no readings.
+rooms are kept in `build/small_rooms`). Default: 40 rooms. These readings have no limit.
 """
 
 import itertools
@@ -454,17 +454,17 @@ SOLVED = Path("build/small_rooms")
 
 def show_rooms(count: int, first: int) -> None:
     """Print the readings of each room that are wrong by 5 cm or more, and the shares of all that are wrong."""
-    found: dict[str, list[RoomReadings]] = {name: [] for name in BOARDS}
+    by_board: dict[str, list[RoomReadings]] = {name: [] for name in BOARDS}
     for seed in range(first, first + count):
         small = small_room(seed)
         for name in BOARDS:
             readings = compare(small, responses_of(small, SOLVED), name)
-            found[name].append(readings)
+            by_board[name].append(readings)
             print(f"room {seed}, {name}: {int(readings.wrong(TOLERANCES[1]).sum())} wrong", flush=True)
             for row in np.flatnonzero(readings.wrong(TOLERANCES[1])).tolist():
                 ranges = "".join(f"{r:8.3f}" for r in (*readings.wave[:, row], readings.predicted[row]))
                 print(f"  {math.degrees(HEADINGS[row]):5.0f}°{ranges}  {readings.via[row]}")
-    for name, rooms in found.items():
+    for name, rooms in by_board.items():
         _show_shares(name, rooms)
 
 
