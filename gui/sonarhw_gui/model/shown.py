@@ -203,7 +203,7 @@ class Shown:
     pointed_path: int | None = None  # row of `question`'s paths that the mouse or a key points at
     trace: ChosenTrace | None = None  # of the asked heading or the selected reading; computed after the selection
     sound: SoundState | None = None  # while it is played; it has a ping
-    # as last shown; weak, because each hidden view keeps what it drew last, and a B-scan takes 30 MB
+    # as last shown; weak, because a hidden view keeps what it drew of this scan, and a B-scan takes 30 MB
     bscan_ref: ref[BScans] | None = None
     overlays: tuple[OverlaidScan, ...] = ()  # other scans, drawn over the readings
     pair: ScanPair | None = None  # of these and the readings, whose differences are shown
@@ -259,6 +259,11 @@ class Shown:
         if self.asked is not None:
             return self.asked
         return None if self.chosen is None else self.heading(self.chosen)
+
+    @property
+    def without_scan(self) -> "Shown":
+        """The same room and look, without readings and without everything that was computed."""
+        return Shown(self.scene, hidden=self.hidden, look=self.look)
 
     def row(self, reading: int) -> Matched | None:
         """Return the comparison of a reading; None if it was not compared."""

@@ -80,6 +80,7 @@ class TraceForecast:
         self._shown = shown
         self._request_trace()
         self._request_bscan()
+        self._release_bscan(shown)
 
     def take(self) -> bool:
         """Request a trace that was due too soon, and return whether anything has changed since the last call."""
@@ -146,6 +147,15 @@ class TraceForecast:
             self._requested_bscan, before = subject, self._newest_bscan.rows if self._newest_bscan else None
             then = partial(self._take_bscan, self._generation)
             self._jobs.run(_BSCAN, bscan_slice, *subject, before, then=then, failed=self._report)
+
+    def _release_bscan(self, shown: Shown) -> None:
+        """Drop the predicted rows of another prediction, and with them its paths, while no B-scan is visible."""
+        bscan = self._newest_bscan
+        if self._settings is not None or bscan is None or bscan.rows.outline is None:
+            return
+        if bscan.rows.outline is not shown.outline:
+            self._newest_bscan = replace(bscan, rows=replace(bscan.rows, outline=None, predicted={}))
+            self._requested_bscan = ()
 
     def _take_bscan(self, generation: int, bscan: BScans) -> None:
         if generation == self._generation:

@@ -149,13 +149,13 @@ class RangeView(base.Canvas):
         return self
 
     def _extend_range_axis(self, shown: Shown) -> None:
-        """Fit the range axis to what is drawn. A small change keeps the axis, so that it does not jump."""
+        """Fit the range axis to what is drawn, if anything. A small change keeps it, so that it does not jump."""
         drawn = [float(np.max(points.ranges)) for points in shown.classes.values()]
         if shown.outline is not None and not np.isnan(shown.outline.ranges).all():
             drawn.append(float(np.nanmax(shown.outline.ranges)))
         if shown.chances is not None:
             drawn.append(shown.chances.reach)
-        most = max(drawn, default=1.0)
+        most = max(drawn, default=self._top or 1.0)
         if not 0.5 * self._top < most <= self._top:
             self._top = 1.15 * most
             self.ranges.setYRange(0.0, self._top, padding=0.05)

@@ -1,6 +1,7 @@
 """All views of the window: one large view at a time in the middle, the small views in docks beside it."""
 
 import json
+from collections.abc import Callable
 from contextlib import suppress
 from typing import TypeVar, cast
 
@@ -22,6 +23,30 @@ from sonarhw_gui.views.ranges import RangeView
 from sonarhw_gui.views.table import TableView
 from sonarhw_gui.views.trace import TraceView
 from sonarhw_gui.widgets import PlainLabel, arranged
+
+# A view or panel is drawn while it is visible. It keeps what it drew, to draw only changes.
+
+
+class Drawing:
+    """What a view or panel has drawn last."""
+
+    def __init__(self, draw: Callable[[Shown], None]) -> None:
+        """`draw` draws the changes since its last call."""
+        self._draw = draw
+        self._drawn: Shown | None = None  # None: nothing, or released
+
+    def show_state(self, shown: Shown) -> None:
+        """Draw it."""
+        self._drawn = shown
+        self._draw(shown)
+
+    def release(self, shown: Shown) -> None:
+        """Draw it without a scan if it is of another scan or scene than `shown`, whose paths it would keep alive."""
+        drawn = self._drawn
+        if drawn is not None and (drawn.scene is not shown.scene or drawn.readings is not shown.readings):
+            self._drawn = None
+            self._draw(drawn.without_scan)
+
 
 # A dock with one small view, under a thin title bar: it can be moved, floated, stacked as a tab and closed.
 
@@ -152,6 +177,7 @@ class ViewArea(QtWidgets.QMainWindow):
         self.panels: list[OpenedDock] = []
         self._stacks: list[list[OpenedDock]] = [[], [], []]
         self._restored = False  # whether the arrangement is that of an earlier session
+        self._drawings: dict[View, Drawing] = {}
         self._widths: dict[int, float] = {}  # share of each large view that the user has resized
         self.stage = _Stage()
         self.plan = self._large(PlanView())
@@ -249,13 +275,13 @@ class ViewArea(QtWidgets.QMainWindow):
 
     def show_large(self, shown: Shown) -> None:
         """Update the visible large view."""
-        self.large_view.show_state(shown)
+        self._drawings[self.large_view].show_state(shown)
 
     def show_plot_beside(self, place: int, shown: Shown) -> None:
         """Update a plot beside the large view if it is visible; `place`: below `plots_beside`, from the top."""
         dock = [dock for dock in self.docks if not _view_in(dock).entry.is_text][place]
         if dock.in_front:
-            _view_in(dock).show_state(shown)
+            self._drawings[_view_in(dock)].show_state(shown)
 
     @property
     def plots_beside(self) -> int:
@@ -266,7 +292,14 @@ class ViewArea(QtWidgets.QMainWindow):
         """Update the visible views of text."""
         for dock in self.docks:
             if _view_in(dock).entry.is_text and dock.in_front:
-                _view_in(dock).show_state(shown)
+                self._drawings[_view_in(dock)].show_state(shown)
+
+    def release_hidden(self, shown: Shown) -> None:
+        """Release what hidden views have drawn of another scan or scene."""
+        visible = {self.large_view, *(_view_in(dock) for dock in self.docks if dock.in_front)}
+        for view, drawing in self._drawings.items():
+            if view not in visible:
+                drawing.release(shown)
 
     def set_look(self, look: Look) -> None:
         """Use the text size of `look` for the title bars."""
@@ -385,6 +418,7 @@ class ViewArea(QtWidgets.QMainWindow):
 
     def _large(self, view: _V) -> _V:
         self.large.append(view)
+        self._drawings[view] = Drawing(view.show_state)
         self.stage.addWidget(cast(QtWidgets.QWidget, view))
         return view
 
@@ -394,6 +428,7 @@ class ViewArea(QtWidgets.QMainWindow):
         dock.setTitleBarWidget(_title_bar(dock))
         dock.opener.setStatusTip(f"Open, bring to the front or close the view {view.entry.name}")
         self.docks.append(dock)
+        self._drawings[view] = Drawing(view.show_state)
         self._stacks[stack].append(dock)
         dock.visibilityChanged.connect(self.uncovered)
         return view

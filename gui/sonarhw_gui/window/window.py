@@ -25,7 +25,7 @@ from sonarhw_gui.window.bars import Banner, Card, Hint, StartPage, StatusBar, To
 from sonarhw_gui.window.commands import Commands, CommandSlots, LayoutMenu, offer_view_menus, undo_menu
 from sonarhw_gui.window.dialogs import HelpPage, open_dialog
 from sonarhw_gui.window.file_commands import FileCommands, SaveCommands
-from sonarhw_gui.window.views import OpenedDock, ViewArea
+from sonarhw_gui.window.views import Drawing, OpenedDock, ViewArea
 
 # The docks: panels at the side of the window that the user can open, close and move.
 
@@ -65,20 +65,22 @@ class PanelDock(OpenedDock):
     ) -> None:
         """`key` opens and closes it, `about` says what it is for, and `show` updates the panel."""
         super().__init__(name, VerticalScrollArea(panel), views, key)
-        self._panel, self._show_in_panel, self._views = panel, show, views
+        self._panel, self._drawing, self._views = panel, Drawing(show), views
         self._shown: Shown | None = None
         self.opener.setToolTip(f"{about} ({key})")
 
     def show_state(self, shown: Shown) -> None:
-        """Update the panel if it is visible."""
+        """Update the panel if it is visible; else release what it has drawn of another scan or scene."""
         self._shown = shown
         if self._panel.isVisibleTo(self._views):
-            self._show_in_panel(shown)
+            self._drawing.show_state(shown)
+        else:
+            self._drawing.release(shown)
 
     def bring_to_front(self) -> None:
         """Open it in front of the others."""
         if self._shown is not None:
-            self._show_in_panel(self._shown)
+            self._drawing.show_state(self._shown)
             for layout in reversed(self.findChildren(QtWidgets.QLayout)):  # inner ones first
                 layout.activate()  # else the first paint has the height from before
         super().bring_to_front()
@@ -351,6 +353,7 @@ class MainWindow(QtWidgets.QMainWindow):
             self.turns.advance()
         else:
             self.turns.all_now()
+            self.views.release_hidden(shown)
 
     @Slot()
     def _show_title(self) -> None:

@@ -42,6 +42,7 @@ from sonarhw_sim.predict.room_echoes import RoomEchoes
 from sonarhw.errors import text_cell
 from sonarhw.log import read_log
 from sonarhw.readings import Ping, Reading
+from tests.checkout import CHECKOUT
 from tests.fixtures.contributing import worked_example
 from tests.system.gui import driving as ui
 from tests.system.gui.conftest import ORDER, OpenFake, OpenWith
@@ -184,6 +185,29 @@ def test_every_entry_of_the_legend_switches_its_layer_with_a_key(window: MainWin
 def computed(window: MainWindow) -> bool:
     bscan = window.session.shown.bscan
     return bscan is not None and bscan.rows.done == 1 and bscan.settings == window.views.bscan.settings
+
+
+def test_hidden_views_keep_nothing_of_another_room(open_with: OpenWith, recorded: Path) -> None:
+    window = open_with()
+    session, views = window.session, window.views
+    session.open_file(str(recorded))
+    ui.until(lambda: session.replay is not None and ui.predicted(window))
+    session.showing.choose(3)
+    for number in (1, 2, 0):
+        views.show_number(number)
+        ui.pause(60)  # two ticks
+    for dock in (*views.docks, *window.docks):
+        dock.bring_to_front()
+        ui.pause(60)
+    compared = session.shown.compared
+    assert compared is not None
+    parts = [ref(session.shown.outline), *(ref(stretch.comparison) for stretch in compared.stretches)]
+    del compared
+    session.open_file(str(CHECKOUT / "rooms" / "corridor.toml"))
+    ui.until(lambda: session.shown.scene.room.name == "Corridor" and ui.predicted(window))
+    ui.pause(60)
+    gc.collect()
+    assert [part() for part in parts] == [None] * len(parts)
 
 
 def test_a_bscan_is_computed_while_it_is_visible(open_with: OpenWith, recorded: Path) -> None:
