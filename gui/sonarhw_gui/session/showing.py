@@ -154,7 +154,7 @@ class TraceForecast:
         if self._settings is not None or bscan is None or bscan.rows.outline is None:
             return
         if bscan.rows.outline is not shown.outline:
-            self._newest_bscan = replace(bscan, rows=replace(bscan.rows, outline=None, predicted={}))
+            self._newest_bscan = replace(bscan, rows=replace(bscan.rows, outline=None, predicted={}, done=0.0))
             self._requested_bscan = ()
 
     def _take_bscan(self, generation: int, bscan: BScans) -> None:
