@@ -180,20 +180,21 @@ static avr_cycle_count_t next_event(const avr_t *avr)
 }
 
 // Whether the variables are the same as at the last call, but for the sum of the thermometer, which changes with each
-// conversion. There is nothing of value below the stack pointer.
+// conversion. What stands on the stack is no state: the main loop keeps nothing there from one pass to the next.
 static bool variables_unchanged(const avr_t *avr)
 {
     static uint8_t before[UINT16_MAX + 1];
-    static uint16_t sum, summed;
+    static uint16_t sum, summed, end;
     if (!sum) {
         sum = symbol("sum");
         summed = symbol("summed");
+        end = symbol("_end");
     }
     memcpy(before + sum, avr->data + sum, 2);
     before[summed] = avr->data[summed];
-    uint16_t first = avr->ioend + 1, stack = (uint16_t)(avr->data[R_SPL] | avr->data[R_SPH] << 8);
-    bool unchanged = stack > first && !memcmp(before + first, avr->data + first, stack - first);
-    memcpy(before + first, avr->data + first, avr->ramend + 1u - first);
+    uint16_t first = avr->ioend + 1;
+    bool unchanged = !memcmp(before + first, avr->data + first, end - first);
+    memcpy(before + first, avr->data + first, end - first);
     return unchanged;
 }
 
