@@ -17,7 +17,6 @@ from functools import partial
 from multiprocessing import get_context
 
 import numpy as np
-from scipy.stats import binomtest
 from sonarhw_compare.fit import FitOptions, FitResult, Parameter, PlacedScan, fit_scans, free_parameters
 from sonarhw_compare.fit.free_walls import with_shifted_walls
 from sonarhw_compare.fit.quantities import HEADING, PlaceQuantity, Quantity, X, Y
@@ -152,6 +151,8 @@ def print_mismatches(draws: range) -> None:
 
 def _of_all(held: Sequence[bool]) -> str:
     """Return count and share with its 95 % interval (Clopper and Pearson): `16 of 17 (71 to 100 %)`."""
+    from scipy.stats import binomtest  # slow to import, and tests import this module
+
     share = binomtest(sum(held), len(held)).proportion_ci()
     return f"{sum(held)} of {len(held)} ({share.low * 100:.0f} to {share.high:.0%})".replace("%)", " %)")
 

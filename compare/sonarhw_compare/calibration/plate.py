@@ -8,8 +8,7 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares, minimize_scalar
-from scipy.special import logsumexp, ndtr, xlogy
-from scipy.stats import t as student
+from scipy.special import logsumexp, ndtr, stdtrit, xlogy
 from sonarhw_sim.air import Air, Receiver
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.signal import RATE, own_burst
@@ -541,7 +540,7 @@ def _suitable(scan: PlateReadings, count: int) -> list[tuple[PlateReadings, Echo
 
 def _median(values: FloatArray) -> Measured:
     # as an interval of a normal distribution
-    spread = float(np.std(values, ddof=1)) / math.sqrt(len(values)) * float(student.ppf(0.975, len(values) - 1)) / Z95
+    spread = float(np.std(values, ddof=1)) / math.sqrt(len(values)) * float(stdtrit(len(values) - 1, 0.975)) / Z95
     value = float(np.median(values))
     return Measured(value, math.hypot(spread, _LEAST_SHARE * value))
 

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.stats import exponnorm, kstest
 from sonarhw_sim.air import Model
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.predicted_scan import PredictedScan
@@ -55,6 +54,8 @@ def test_errors_are_normal_with_a_longer_far_tail() -> None:
     errors = erring(4, headings).ranges - 2.0
     spread = SPREAD + SPREAD_BY_RANGE * 2.0
     # a normal variable plus an exponential one, shifted to mean 0
+    from scipy.stats import exponnorm, kstest  # takes a second
+
     expected = exponnorm(FAR_TAIL, loc=-FAR_TAIL * spread, scale=spread)
     assert kstest(errors, expected.cdf).pvalue > 0.01
     assert np.mean(errors) == pytest.approx(0.0, abs=0.1 * spread)
