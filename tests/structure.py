@@ -9,6 +9,7 @@ import sys
 import tomllib
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
+from functools import cache
 from pathlib import Path
 
 import grimp
@@ -40,6 +41,7 @@ def files_below(*folders: str, suffixes: Iterable[str] = ()) -> Iterator[Path]:
                 yield path
 
 
+@cache
 def import_graph() -> ImportGraph:
     """Return every import of the code, also those inside functions and those for type checkers only."""
     code = [name for name in installed_packages() if name not in ("sonarhw_rooms", "sonarhw_examples")]

@@ -20,7 +20,7 @@ from tests.soak.fuzz.command_lines import Case
 @pytest.mark.timeout(20_000)
 @pytest.mark.skipif(sys.platform != "linux", reason="uses fork and limits of Linux")
 def test_no_input_gives_a_traceback_or_harms_a_file(count: Count) -> None:
-    command = [sys.executable, "-m", "tests.soak.fuzz", "0", str(count(20, 5000))]
+    command = [sys.executable, "-m", "tests.soak.fuzz", "0", str(count(10, 5000))]
     done = subprocess.run(command, cwd=CHECKOUT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
 

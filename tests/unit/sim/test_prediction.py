@@ -19,6 +19,7 @@ from sonarhw_sim.room.room import Place, Room, load_room, parse_room, with_mater
 import sonarhw
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
+from tests.conftest import Count
 from tests.fixtures.rooms_for_tests import room_of
 
 ROOM = load_room("rooms/simple.toml")
@@ -280,12 +281,12 @@ material = "m"
 """
 
 
-def test_readings_from_short_paths_are_those_of_all_paths_to_the_bit() -> None:
+def test_readings_from_short_paths_are_those_of_all_paths_to_the_bit(count: Count) -> None:
     boards = [load_board(name) for name in ("paper", "hc-sr04", "polaroid-6500")]
     rooms = [load_room("arena"), load_room("laboratory"), ROOM, parse_room(CLUTTER, "clutter")]
-    settled = 0
+    settled, poses = 0, count(1, 5)
     for room, board in product(rooms, boards):
-        for x, y, turn in poses_in(room, 3, seed=9).tolist():
+        for x, y, turn in poses_in(room, poses, seed=9).tolist():
             place = board.faced(Place("", (x, y), turn))
             whole = predict_scan(room, place, board, ALL_ROUND)
             scan = sonarhw.predict(room, place, board, ALL_ROUND)
@@ -294,7 +295,7 @@ def test_readings_from_short_paths_are_those_of_all_paths_to_the_bit() -> None:
             assert np.array_equal(scan.winners, whole.winners)
             assert np.array_equal(scan.reported_paths.levels, whole.reported_paths.levels, equal_nan=True)
             assert scan == whole
-    assert settled > len(rooms) * len(boards) * 3 / 2
+    assert settled > len(rooms) * len(boards) * poses / 2
 
 
 def test_readings_do_without_paths_that_need_too_much_memory(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -346,20 +347,20 @@ def test_a_ring_has_its_own_headings_and_levels_are_over_the_threshold() -> None
 
 
 @pytest.mark.parametrize(
-    ("name", "board", "height", "count"),
+    ("name", "board", "height", "poses_in_soak"),
     [
-        ("laboratory", "polaroid-6500", None, 4),
-        ("laboratory", "paper", None, 6),
-        ("arena", "hc-sr04", None, 30),
-        ("doorstep", "polaroid-6500", 0.3, 2),
+        ("laboratory", "polaroid-6500", None, 12),
+        ("laboratory", "paper", None, 18),
+        ("arena", "hc-sr04", None, 90),
+        ("doorstep", "polaroid-6500", 0.3, 6),
     ],
 )
 @pytest.mark.filterwarnings("ignore::UserWarning")
 def test_levels_and_paths_of_many_poses_are_those_of_single_predictions(
-    name: str, board: str, height: float | None, count: int
+    name: str, board: str, height: float | None, poses_in_soak: int, count: Count
 ) -> None:
     room, profile = sonarhw.load_room(name), sonarhw.load_board(board)
-    poses = poses_in(room, count, seed=8)
+    poses = poses_in(room, count(poses_in_soak // 6, poses_in_soak), seed=8)
     ranges, levels, paths = sonarhw.predict_ranges(room, poses, TWELVE, profile, levels=True, paths=True, height=height)
     _, quick = sonarhw.predict_ranges(room, poses, TWELVE, profile, paths=True, height=height)  # no farther than needed
     assert isinstance(paths, ReportedPaths)
