@@ -178,7 +178,9 @@ class ConnectDialog(QtWidgets.QDialog):
         # with selected text, Return would replace a proposed URL by an earlier one
         self.url.setCompleter(None)  # type: ignore[arg-type]  # the stub does not know that None is allowed
         self.buttons = QtWidgets.QDialogButtonBox()
-        self.connect_button = self.buttons.addButton("Connect", QtWidgets.QDialogButtonBox.ButtonRole.AcceptRole)
+        # made here: PySide may take a button that Qt made for one deleted before, if a reference is kept
+        self.connect_button = QtWidgets.QPushButton("Connect")
+        self.buttons.addButton(self.connect_button, QtWidgets.QDialogButtonBox.ButtonRole.AcceptRole)
         self.buttons.addButton(QtWidgets.QDialogButtonBox.StandardButton.Cancel)
         buttons = self.refresh, self.probe_all, self.listen, None
         self.of_url = PlainLabel()
@@ -392,7 +394,8 @@ class RecordingsDialog(QtWidgets.QDialog):
         self.table.horizontalHeader().setSectionResizeMode(QtWidgets.QHeaderView.ResizeMode.ResizeToContents)
         self.summary = PlainLabel(wordWrap=True)
         self.buttons = QtWidgets.QDialogButtonBox()
-        self.open_button = self.buttons.addButton("Open", QtWidgets.QDialogButtonBox.ButtonRole.AcceptRole)
+        self.open_button = QtWidgets.QPushButton("Open")
+        self.buttons.addButton(self.open_button, QtWidgets.QDialogButtonBox.ButtonRole.AcceptRole)
         self.buttons.addButton(QtWidgets.QDialogButtonBox.StandardButton.Close)
         stacked(self, self.search, self.table, self.summary, self.buttons)
         self.resize(860, 420)

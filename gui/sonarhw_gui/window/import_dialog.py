@@ -108,8 +108,10 @@ class ImportDialog(QtWidgets.QDialog):
         self.plan.setFocusPolicy(Qt.FocusPolicy.NoFocus)
         self.buttons = QtWidgets.QDialogButtonBox()
         accept = QtWidgets.QDialogButtonBox.ButtonRole.AcceptRole
-        self.import_button = self.buttons.addButton("Import", accept)
-        self.pose_button = self.buttons.addButton("Import and find pose", accept)
+        self.import_button = QtWidgets.QPushButton("Import")
+        self.buttons.addButton(self.import_button, accept)
+        self.pose_button = QtWidgets.QPushButton("Import and find pose")
+        self.buttons.addButton(self.pose_button, accept)
         self.pose_button.setToolTip("Import, then search the whole room for the place of the scanner")
         self.buttons.addButton(QtWidgets.QDialogButtonBox.StandardButton.Cancel)
         self._left = QtWidgets.QWidget(self)
