@@ -290,7 +290,7 @@ PLAIN = "\x1b[0m"
 LINE_GONE = "\x1b[?25h\r\x1b[1A\x1b[2K"  # show the cursor, move up one line, clear it
 COMMANDS = {
     "fit": ("searching", ["fit", "--place", "figure9", "--free", "heading", "--samples", "0", "--json"]),
-    "locate": ("locating", ["locate", "--json"]),
+    "locate": ("locating", ["locate", "--json", "--heading", "0"]),
     "compare": ("fitting", ["compare", "--place", "figure9", "--fit", "heading"]),
     "map": ("mapping", ["map", "--place", "figure9", "--json"]),
 }
