@@ -22,8 +22,7 @@ from sonarhw_sim.board.profile import load_board
 from sonarhw import link as ports
 from sonarhw.host import scanner
 from sonarhw.log.writer import write_scan
-from tests.checkout import CHECKOUT
-from tests.fixtures.commands import printed, sonarhw
+from tests.fixtures.commands import LINE_GONE, at_terminal, printed, seen, sonarhw
 from tests.fixtures.example_logs import METADATA, example_reading, write_example
 from tests.hang_guard import HANG
 
@@ -276,18 +275,8 @@ def test_a_terminal_with_few_characters_gets_escapes(tmp_path: Path) -> None:
 # progress
 
 
-# standard error is the controlling terminal, from which Ctrl-C comes
-AT_TERMINAL = """
-import fcntl, os, termios
-os.setsid()
-fcntl.ioctl(2, termios.TIOCSCTTY, 0)
-import sonarhw_cli.entry
-sonarhw_cli.entry.UNWINDING = 600  # on a busy machine, the end may take longer than a user waits
-sonarhw_cli.entry.main()
-"""
 BAR = "━"
 PLAIN = "\x1b[0m"
-LINE_GONE = "\x1b[?25h\r\x1b[1A\x1b[2K"  # show the cursor, move up one line, clear it
 COMMANDS = {
     "fit": ("searching", ["fit", "--place", "figure9", "--free", "heading", "--samples", "0", "--json"]),
     "locate": ("locating", ["locate", "--json", "--heading", "0"]),
@@ -303,39 +292,6 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> str:
     scan = ["simulate", "rooms/simple.toml", "--place", "figure9", "--board", "hc-sr04", "--step", "30"]
     assert run([*scan, "--out", str(out)]) == 0
     return str(out)
-
-
-@contextmanager
-def at_terminal(*arguments: str) -> Iterator[tuple[subprocess.Popen[str], int]]:
-    """Yield a command with a terminal as standard error, and the other end of that terminal."""
-    person, terminal = os.openpty()
-    environment = {**os.environ, "TERM": "xterm"}
-    command = [sys.executable, "-c", AT_TERMINAL, *arguments]
-    try:
-        with subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=terminal, text=True, cwd=CHECKOUT, env=environment
-        ) as process:
-            os.close(terminal)
-            try:
-                yield process, person
-            finally:
-                process.kill()
-    finally:
-        os.close(person)
-
-
-def seen(person: int, until: str = "") -> str:
-    """Return the text on the terminal up to `until`, or to the end of the command."""
-    came = b""
-    while not until or until not in came.decode(errors="ignore"):
-        try:
-            more = os.read(person, 4096)
-        except OSError:  # Linux reports a closed terminal in this way
-            more = b""
-        if not more:
-            break
-        came += more
-    return came.decode()
 
 
 def test_progress_is_shown_on_a_terminal_only(log: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -371,22 +327,6 @@ def fake_terminal(monkeypatch: pytest.MonkeyPatch) -> StringIO:
     monkeypatch.setattr(sys, "stderr", terminal)
     monkeypatch.setenv("TERM", "xterm")
     return terminal
-
-
-def test_only_the_first_command_says_that_it_compiles(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    command = ["simulate", "rooms/simple.toml", "--place", "figure9", "--model", "cone", "--step", "90"]
-    on_terminal = []
-    for _ in range(2):
-        with at_terminal(*command) as (process, person):
-            on_terminal.append(seen(person))
-            printed, _ = process.communicate(timeout=HANG)
-        assert process.returncode == 0
-        assert printed.count("\n") == 5
-    assert "Compiling the ray kernels, once per installation…" in on_terminal[0]
-    assert BAR in on_terminal[0]
-    assert on_terminal[0].endswith(LINE_GONE)
-    assert on_terminal[1] == ""
 
 
 def test_without_a_terminal_few_lines_say_that_it_compiles(capsys: pytest.CaptureFixture[str]) -> None:

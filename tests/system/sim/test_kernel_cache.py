@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.checkout import CHECKOUT
+from tests.fixtures.commands import LINE_GONE, at_terminal, seen
 from tests.hang_guard import HANG
 
 # a model with few kernels
@@ -34,18 +35,28 @@ def simulated(cache: Path, *options: str, **environment: str) -> tuple[str, str]
 
 @pytest.fixture(scope="module")
 def cached(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
-    """Return the cache and the output of a first command."""
+    """Return the cache and the output of a first command, which says at a terminal that it compiles."""
     cache = tmp_path_factory.mktemp("cache")
-    output, error = simulated(cache)
-    assert error == COMPILING
+    output, shown = simulated_at_terminal(cache)
+    assert COMPILING.removeprefix("sonarhw: ").rstrip() in shown
+    assert "━" in shown  # the bar of the progress
+    assert shown.endswith(LINE_GONE)
     assert output.count("\n") == 13
     return cache, output
 
 
-def test_a_second_command_compiles_nothing(cached: tuple[Path, str]) -> None:
+def simulated_at_terminal(cache: Path) -> tuple[str, str]:
+    with at_terminal(*SIMULATE, NUMBA_CACHE_DIR=str(cache)) as (process, person):
+        shown = seen(person)
+        output, _ = process.communicate(timeout=HANG)
+    assert process.returncode == 0
+    return output, shown
+
+
+def test_a_second_command_compiles_nothing_and_says_nothing_of_it(cached: tuple[Path, str]) -> None:
     cache, output = cached
     before = {file: file.stat().st_ino for file in cache.iterdir()}
-    assert simulated(cache) == (output, "")
+    assert simulated_at_terminal(cache) == (output, "")
     assert {file: file.stat().st_ino for file in cache.iterdir()} == before
 
 

@@ -470,7 +470,7 @@ def test_a_small_thing_beside_the_line_to_a_wall_is_as_loud_as_the_wave_in_the_w
 
 def test_a_slot_in_a_wall_is_as_loud_as_the_wave() -> None:
     slot: Chain = [(0.0, -0.01), (0.02, -0.01), (0.02, 0.01), (0.0, 0.01)]
-    place, half = (-0.4, 0.25), 0.15
+    place, half = (-0.4, 0.25), 0.1
     plates: list[list[Chain]] = [[[(0.0, -half), *slot, (0.0, half)]], [[(0.0, -half), (0.0, half)]]]
     with_slot, without = (scattered(RigidScene(chains), place, WAVENUMBER) for chains in plates)
     of_wall = scattered(RigidScene(mirror=place[0] + 0.5), place, WAVENUMBER)
