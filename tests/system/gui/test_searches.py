@@ -126,7 +126,7 @@ def test_a_pose_is_found_and_accepted(open_with: OpenWith, recorded: Path, scene
 
 def test_a_scan_with_angles_read_the_wrong_way_is_read_again_and_found(open_with: OpenWith, tmp_path: Path) -> None:
     corners = [[0, 0], [1.6, 0], [1.6, 0.7], [0.9, 0.7], [0.9, 1.2], [0, 1.2]]
-    room, board = sonarhw.room_from_arrays(corners, places={"here": (0.4, 0.4)}), load_board("polaroid-6500")
+    room, board = sonarhw.room_from_arrays(corners, places={"here": (0.4, 0.4)}), load_board("lego-nxt")
     angles = np.radians(np.arange(0.0, 360.0, 10.0))
     ranges = sonarhw.predict_ranges(room, [(0.55, 0.5, 1.7)], angles, board)[0]
     scan = sonarhw.scan_from_arrays(-angles[::-1], ranges[::-1])
