@@ -425,7 +425,7 @@ def draw_bscan(bscan: pictures.BScan, scale: ColourScale, floor_db: float | None
     return np.ascontiguousarray(pixels).view(np.uint8).reshape(*pixels.shape, 4)
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=1)  # 11 MB
 def _polar_lookup(cells: pictures.RangeCells, arm: Arm) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Return column (0 to _TURN - 1, or _TURN outside) and cell of every pixel of a polar picture, both flattened."""
     along = ((np.arange(_SIDE) + 0.5) / _SIDE * 2 - 1) * arm.reach(cells.reach)

@@ -189,7 +189,7 @@ def _answers(small: SmallWalls, number: float, fields: ComplexArray) -> ComplexA
     return np.asarray(share * (inverse @ fields) + inverse @ (share * fields))
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=4)
 def _fields(small: SmallWalls, number: float) -> tuple[tuple[ComplexArray, ...], ComplexArray]:
     """Return `waves` of `_Modes`, and the fields at the unknowns, (u, r), by sources on the nearest circle."""
     count = 1 + small._order(number)
@@ -339,7 +339,7 @@ def _hats(starts: FloatArray, ends: FloatArray, on_wall: bool) -> tuple[FloatArr
     return averages, slopes
 
 
-@lru_cache(maxsize=8)  # up to 8 MB each, needed again only for places beside small walls
+@lru_cache(maxsize=4)  # up to 8 MB each, needed again only for places beside small walls
 def _inverse(small: SmallWalls, number: float) -> ComplexArray:
     """Return the inverse of the symmetric system of equations at a wave number (1/m)."""
     upper, lower, flow = small.panels
