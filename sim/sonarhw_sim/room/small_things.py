@@ -287,12 +287,16 @@ def _in_pieces(
     short = np.hypot(*_along(walls[part]).T) <= _SHORT * wavelength
     pieces, rest = [], [part[:0]]
     others = np.setdiff1d(np.arange(len(walls)), part[short])
-    for rows in _components(_gaps(walls[part[short]], walls[part[short]]) <= MEETING):
-        piece = part[short][rows]
-        support = others[_gaps(walls[piece], walls[others]).min(axis=0) <= MEETING]
-        cluster = _cluster(walls, groups, piece, support, wavelength, _LEAST_BESIDE) if len(support) else None
-        if cluster is not None and cluster.solvable:
-            pieces.append(cluster)
+    for piece in _touching(walls, part[short]):
+        solved = [_piece(walls, groups, piece, others, wavelength)]
+        if not solved[0]:
+            # a short wall that continues another one is what things stand on, as beside a niche near a corner
+            continues = _continues_another(walls, piece)
+            beside = np.union1d(others, piece[continues])
+            piece = piece[~continues]
+            solved = [_piece(walls, groups, own, beside, wavelength) for own in _touching(walls, piece)]
+        if solved and all(solved):
+            pieces += [cluster for cluster in solved if cluster]
         else:
             rest.append(piece)
     left = np.concatenate(rest)
@@ -301,6 +305,32 @@ def _in_pieces(
     if len(left) and _is_hard(room, walls, left, beside, wavelength):
         pieces.append(replace(_cluster(walls, groups, left, beside, wavelength), solvable=False))
     return pieces
+
+
+def _touching(walls: FloatArray, rows: NDArray[np.intp]) -> list[NDArray[np.intp]]:
+    """Return rows of walls in parts that touch."""
+    return [rows[part] for part in _components(_gaps(walls[rows], walls[rows]) <= MEETING)]
+
+
+def _piece(
+    walls: FloatArray,
+    groups: Sequence[tuple[int, ...]],
+    piece: NDArray[np.intp],
+    others: NDArray[np.intp],
+    wavelength: float,
+) -> Cluster | None:
+    """Return the cluster of a piece that stands on one of the other walls; None if it does not, or is not solved."""
+    support = others[_gaps(walls[piece], walls[others]).min(axis=0) <= MEETING]
+    cluster = _cluster(walls, groups, piece, support, wavelength, _LEAST_BESIDE) if len(support) else None
+    return cluster if cluster is not None and cluster.solvable else None
+
+
+def _continues_another(walls: FloatArray, rows: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Return which of these rows of walls are on one line with another wall of the room, (n,)."""
+    along = _along(walls[rows]) / np.hypot(*_along(walls[rows]).T)[:, None]
+    away = walls.reshape(-1, 2, 2) - walls[rows, None, None, :2]
+    aside = np.abs(along[:, None, None, 0] * away[..., 1] - along[:, None, None, 1] * away[..., 0])
+    return np.asarray((aside <= MEETING).all(axis=2).sum(axis=1) > 1)
 
 
 def slits_of(room: Room, wavelength: float) -> list[Slit]:
