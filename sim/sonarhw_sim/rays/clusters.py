@@ -22,6 +22,7 @@ from sonarhw_sim.room.small_things import Cluster, Followed
 
 _AT_CENTRE = 1e-6  # m
 _TURN, _LEAST_TURNS, _LARGEST_TURN = 0.06, 1.2, 0.5  # of `passing_share`: rad; half shadows; rad
+_NARROW = 0.06  # rad: the half width of a part that is seen from its centre
 _LOUDEST = 2.0  # amplitude: no cluster returns more
 _BEYOND_WALL = 1.35  # amplitude: the most that a strip returns, relative to an endless wall
 
@@ -171,26 +172,45 @@ def _joined(
     points, both = _sources(first, cluster), pairs
     if second is not first:
         points, both = np.concatenate((points, _sources(second, cluster))), pairs + np.array([0, len(first)])
-    sound = small.sound(points, both)
+    rows, mirrors = _with_mirrors(small, points, both, first.bends[pairs[:, 0]] + second.bends[pairs[:, 1]])
+    pairs, both, legs = pairs[rows], both[rows], legs[rows]
+    sound = small.sound(points, both, mirrors)
     loud = np.flatnonzero(legs * np.abs(sound) >= diffraction.faintest)
     factors = sound[loud] * _strengths(points[both[loud]], cluster, room)
     kept = loud[still := legs[loud] * np.abs(factors) >= diffraction.faintest]
     # the delay is part of the length, and the phase is that of the wave
-    delays = small.delays(points, both[kept], sound[kept])
+    delays = small.delays(points, both[kept], sound[kept], mirrors[kept])
     delays = np.clip(delays, -2 * cluster.radius, 2 * cluster.radius)
-    pairs, factors = pairs[kept], factors[still]
+    pairs, mirrors, factors = pairs[kept], mirrors[kept], factors[still]
     if second is first:
         # and their reverses
         back = np.flatnonzero(pairs[:, 0] != pairs[:, 1])
-        pairs = np.concatenate((pairs, pairs[back, ::-1]))
+        pairs, mirrors = np.append(pairs, pairs[back, ::-1], axis=0), np.append(mirrors, mirrors[back], axis=0)
         factors, delays = np.append(factors, factors[back]), np.append(delays, delays[back])
     one, other = pairs.T
     gains = first.gains[one] * second.gains[other] * np.abs(factors)
     surfaces, points = surfaces_and_points(first, second, one, other)
+    moved = np.flatnonzero(mirrors[:, 2] > 0.0)
+    points[moved, 1] = _in_room(mirrors[moved, :2], cluster)
     phases = np.angle(factors) + math.tau / diffraction.wavelength * delays + (first.phases[one] + second.phases[other])
     edges = np.full(len(one), _edge_of(cluster, room), np.int32)
     lengths = (first.lengths[one] + second.lengths[other]) + delays
     return PartialPaths(lengths, gains, phases, surfaces, edges, first.bends[one], points, first.places[one])
+
+
+def _with_mirrors(
+    small: SmallWalls, points: FloatArray, pairs: NDArray[np.intp], bends: IntArray
+) -> tuple[NDArray[np.intp], FloatArray]:
+    """Return all rows of pairs, those with a mirror twice, and the mirror (n, 3) of each.
+
+    Only sound that is not reflected before, `bends`, may come from so near that one direction for a part is not enough.
+    """
+    rows, mirrors = np.arange(len(pairs)), np.full((len(pairs), 3), math.nan)
+    nearest = np.hypot(*np.moveaxis(points[pairs], -1, 0)).min(axis=1)
+    wide = np.flatnonzero((bends == 0) & (small.reach > _NARROW * nearest))
+    mirrors[wide] = small.mirrors(points, pairs[wide])
+    seen = wide[~np.isnan(mirrors[wide, 0])]
+    return np.append(rows, seen), np.append(mirrors, mirrors[seen] * (1.0, 1.0, -1.0), axis=0)
 
 
 def _loud_pairs(
@@ -288,6 +308,12 @@ def _sources(ways: PartialPaths, cluster: Cluster) -> FloatArray:
     directions = np.arctan2(away[:, 1], away[:, 0]) - cluster.turn
     away = ways.lengths[:, None] * np.column_stack((np.cos(directions), np.sin(directions)))
     return np.asarray(away + cluster.part.centre)
+
+
+def _in_room(points: FloatArray, cluster: Cluster) -> FloatArray:
+    """Return points (n, 2) in coordinates of the whole cluster in those of the room, (n, 2) m."""
+    away = (points - np.array(cluster.part.centre)) @ (1.0, 1j) * np.exp(1j * cluster.turn)
+    return np.asarray(np.array(cluster.centre) + np.column_stack((away.real, away.imag)))
 
 
 def _edge_of(cluster: Cluster, room: Room) -> int:

@@ -33,6 +33,7 @@ _NODES, _WEIGHTS = (np.polynomial.legendre.leggauss(_POINTS) + np.array([[1.0], 
 _MEETING = 1e-7  # m
 _OUTSIDE = 1.1  # radii, and a wavelength: nearer sources are evaluated directly
 _FAINTEST = 1e-6  # of the loudest field at the unknowns
+_NO_MIRRORS = np.empty((0, 3))
 _STEP = 0.015  # of the wave number, to find the delay: half of the band of a burst of 16 cycles
 
 
@@ -46,21 +47,54 @@ class SmallWalls:
     on_wall: bool = False
     part: SoundPart = WHOLE
 
-    def sound(self, points: FloatArray, pairs: NDArray[np.intp]) -> ComplexArray:
+    def sound(self, points: FloatArray, pairs: NDArray[np.intp], mirrors: FloatArray = _NO_MIRRORS) -> ComplexArray:
         """Return the scattered sound between the points (n, 2) of each pair (p, 2), (p,).
 
         It is relative to sound by way of the centre of the part. On an endless wall, it is the difference from what the
-        wall alone returns with its openings closed.
+        wall alone returns with its openings closed. `mirrors` (p, 3): the sound of a pair is without what its mirror
+        returns, or only that.
         """
-        return self._relative(math.tau / self.wavelength, points, pairs)
+        return self._relative(math.tau / self.wavelength, points, pairs, mirrors)
 
-    def delays(self, points: FloatArray, pairs: NDArray[np.intp], sound: ComplexArray) -> FloatArray:
+    def delays(
+        self, points: FloatArray, pairs: NDArray[np.intp], sound: ComplexArray, mirrors: FloatArray = _NO_MIRRORS
+    ) -> FloatArray:
         """Return the delay, m, of the `sound` between the points of each pair, (p,)."""
         number = math.tau / self.wavelength
-        beside = self._relative(number * (1.0 + _STEP), points, pairs)
+        beside = self._relative(number * (1.0 + _STEP), points, pairs, mirrors)
         return np.asarray(-np.angle(beside * np.conj(sound)) / (_STEP * number))
 
-    def _relative(self, number: float, points: FloatArray, pairs: NDArray[np.intp]) -> ComplexArray:
+    def mirrors(self, points: FloatArray, pairs: NDArray[np.intp]) -> FloatArray:
+        """Return where flat walls along an endless wall mirror the sound of each pair, (p, 3) m; NaN: nowhere.
+
+        Each row is the point of the mirror, and -1 for the sound without it; 1 is for its own sound. It does not come
+        from the centre of the part, where a beam may be much louder or fainter.
+        """
+        (x, y), (other_x, other_y) = points[pairs[:, 0]].T, points[pairs[:, 1]].T
+        above = (y > 0.0) & (other_y > 0.0) & self.on_wall
+        along = np.where(above, (x * other_y + other_x * y) / np.where(above, y + other_y, 1.0), math.nan)
+        rows = np.full((len(pairs), 3), math.nan)
+        # the highest last; walls below the endless wall are seen through its openings
+        flat = sorted((h, min(a, b), max(a, b)) for a, h, b, end in self.walls if abs(h - end) <= _MEETING)
+        for height, low, high in flat:
+            here = (along > low) & (along < high)
+            rows[here] = np.column_stack((along[here], *np.tile([[height], [-1.0]], here.sum())))
+        return rows
+
+    def _mirrored(
+        self, number: float, points: FloatArray, pairs: NDArray[np.intp], mirrors: FloatArray
+    ) -> ComplexArray:
+        """Return what mirrors return more than the endless wall, the share of this part, (p,)."""
+        from scipy.special import j0, y0
+
+        (x, y), (other_x, other_y) = points[pairs[:, 0]].T, points[pairs[:, 1]].T
+        lengths = number * np.hypot(x - other_x, y + other_y - 2 * np.array([0.0, 1.0])[:, None] * mirrors[:, 1])
+        wall, mirror = -0.25j * j0(lengths) - 0.25 * y0(lengths)
+        return np.asarray(self.part.share(mirrors[:, :2]) * (mirror - wall))
+
+    def _relative(
+        self, number: float, points: FloatArray, pairs: NDArray[np.intp], mirrors: FloatArray
+    ) -> ComplexArray:
         from scipy.special import j0, y0  # slow to import, and most rooms have no small walls
 
         rows = np.zeros(len(points), np.intp)
@@ -83,6 +117,9 @@ class SmallWalls:
             both = np.flatnonzero(near[pairs].all(axis=1))
             first, second = (np.cumsum(near) - 1)[pairs[both]].T
             total[both] = (answers[first] * caused.T[second]).sum(axis=1)
+        seen = np.flatnonzero(~np.isnan(mirrors[:, 0]))
+        mirrored = self._mirrored(number, points, pairs[seen], mirrors[seen])
+        total[seen] = np.where(mirrors[seen, 2] > 0.0, mirrored, total[seen] - mirrored)
         by_centre = number * np.hypot(*(points - self.part.centre).T)[pairs].sum(axis=1)
         return np.asarray(total / (-0.25j * j0(by_centre) - 0.25 * y0(by_centre)))
 
@@ -106,6 +143,12 @@ class SmallWalls:
         """That of the circle round the origin with all walls and openings, m."""
         ends = [end for a, b, c, d in self.walls for end in ((a, b), (c, d))]
         return max(math.hypot(*end) for end in [*ends, *((x, 0.0) for x in itertools.chain(*self.openings))])
+
+    @property
+    def reach(self) -> float:
+        """The distance from the centre of the part up to which it scatters, m."""
+        steps = zip(self.part.numbers, self.part.spans, strict=True)
+        return max((high - low) / (count - 1) if count > 1 else 0.0 for (_, count), (low, high) in steps) or self.radius
 
     @cached_property
     def nearest(self) -> float:

@@ -522,14 +522,21 @@ def test_parts_of_a_wide_thing_return_what_it_returns_as_a_whole() -> None:
     )
     pairs = np.array([[0, 1], [0, 2], [2, 2]])
 
-    def returned(part: SoundPart) -> NDArray[np.complex128]:
+    def returned(part: SoundPart, mirrored: bool = False) -> NDArray[np.complex128]:
         lengths = np.hypot(*(points - part.centre).T)[pairs].sum(axis=1)
-        sound = SmallWalls(wide, WAVE, (), on_wall=True, part=part).sound(points, pairs)
+        small = SmallWalls(wide, WAVE, (), on_wall=True, part=part)
+        sound, mirrors = small.sound(points, pairs), small.mirrors(points, pairs)
+        if mirrored:
+            seen = np.isfinite(mirrors).all(axis=1)
+            assert seen.sum() == 2
+            sound = small.sound(points, pairs, mirrors)
+            sound[seen] += small.sound(points, pairs[seen], mirrors[seen] * (1, 1, -1))
         return np.asarray(sound * hankel2(0, WAVENUMBER * lengths))
 
     spans = (-0.05, 0.06), (0.0, 0.01)
     parts = [SoundPart(((x, 4), (y, 2)), spans) for x in range(4) for y in range(2)]
     assert sum(returned(part) for part in parts) == pytest.approx(returned(WHOLE), rel=1e-9)
+    assert sum(returned(part, mirrored=True) for part in parts) == pytest.approx(returned(WHOLE), rel=1e-9)
 
 
 SKIRTING: Chain = [(-0.05, 0.2), (-0.05, 0.197), (0.05, 0.197), (0.05, 0.2)]
@@ -541,6 +548,29 @@ def test_the_sound_of_a_skirting_comes_from_its_end_and_not_from_its_middle() ->
     by_thing = np.flatnonzero(paths.edges >= 0)
     loudest = by_thing[paths.gains[by_thing].argmax()]
     assert math.degrees(paths.departures[loudest]) == pytest.approx(math.degrees(math.atan2(0.2, 0.1)), abs=3.0)
+
+
+def test_a_plate_on_a_near_wall_is_as_loud_beside_the_axis_as_a_wall() -> None:
+    plate: Chain = [(0.2, -0.15), (0.1976, -0.15), (0.1976, 0.15), (0.2, 0.15)]
+    walls, ka = [*walls_of([plate]), (0.2, -3.0, 0.2, 3.0)], 17.0
+    paths = find_paths(room_of(walls), (0.0, 0.0), PathSearch(0.6, WAVE, faintest_diffraction=1e-5))
+    waves = paths.gains * np.exp(1j * (paths.phases - WAVENUMBER * paths.lengths))
+    for beside in np.radians([0.0, 4.0, 7.0, 9.0]).tolist():
+        beams = beam_gain(paths.departures - beside, ka) * beam_gain(paths.arrivals - beside, ka)
+        of_wall = 2 * decibels(complex(beam_gain(np.array(beside), ka)))
+        assert decibels((waves * beams).sum()) == pytest.approx(of_wall, abs=0.5)
+
+
+def test_a_niche_beside_a_corner_is_as_loud_as_one_in_a_long_wall() -> None:
+    niche: Chain = [(1.0, 0.05), (1.01, 0.05), (1.01, 0.12), (1.0, 0.12)]
+    levels = []
+    for end in (3.0, 0.2):
+        chains = [[(1.0, -3.0), *niche, (1.0, end), (-3.0, end)]]
+        paths = find_paths(room_of(walls_of(chains)), (0.0, 0.0), PathSearch(2.1, WAVE, faintest_diffraction=1e-5))
+        by_niche = np.flatnonzero((paths.edges >= 0) & (paths.bounces == 0) & (paths.arrivals < 0.15))
+        waves = paths.gains * np.exp(1j * (paths.phases - WAVENUMBER * paths.lengths))
+        levels.append(decibels(waves[by_niche].sum()))
+    assert levels[1] == pytest.approx(levels[0], abs=0.1)
 
 
 def test_a_rotated_room_with_small_things_has_the_same_paths() -> None:
