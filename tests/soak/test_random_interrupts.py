@@ -114,7 +114,7 @@ def test_ctrl_c_at_any_time_leaves_whole_files(inputs: dict[str, bytes], tmp_pat
     path = os.pathsep.join([str(CHECKOUT), os.environ.get("PYTHONPATH", "")])
     environment = {**os.environ, "PYTHONPATH": path, "QT_QPA_PLATFORM": "offscreen", "XDG_DATA_HOME": str(tmp_path)}
     times: list[float] = []
-    for seed in range(count(6, 500)):
+    for seed in range(count(12, 500)):
         chance = random.Random(seed)
         command, folder = COMMANDS[seed % len(COMMANDS)], tmp_path / str(seed)
         (folder / "new").mkdir(parents=True)
@@ -134,7 +134,7 @@ def test_ctrl_c_at_any_time_leaves_whole_files(inputs: dict[str, bytes], tmp_pat
         faults = torn_files(folder, inputs)
         assert not faults, f"{faults}\n{context}"
     late, last = [f"{taken:.2f}" for taken in sorted(times) if taken > WITHIN], max(times, default=0.0)
-    print(f"{len(times)} of {count(6, 500)} commands interrupted, the last after {last:.2f} s; late: {late}")  # noqa: T201
+    print(f"{len(times)} of {count(12, 500)} commands interrupted, the last after {last:.2f} s; late: {late}")  # noqa: T201
 
 
 def torn_files(folder: Path, inputs: dict[str, bytes]) -> list[str]:
