@@ -293,8 +293,8 @@ def _in_pieces(
             # a short wall that continues another one is what things stand on, as beside a niche near a corner
             continues = _continues_another(walls, piece)
             beside = np.union1d(others, piece[continues])
-            piece = piece[~continues]
-            solved = [_piece(walls, groups, own, beside, wavelength) for own in _touching(walls, piece)]
+            own = _touching(walls, piece[~continues])
+            solved = [_piece(walls, groups, rows, beside, wavelength) for rows in own]
         if solved and all(solved):
             pieces += [cluster for cluster in solved if cluster]
         else:
@@ -308,7 +308,7 @@ def _in_pieces(
 
 
 def _touching(walls: FloatArray, rows: NDArray[np.intp]) -> list[NDArray[np.intp]]:
-    """Return rows of walls in parts that touch."""
+    """Return these rows of walls, divided into connected parts."""
     return [rows[part] for part in _components(_gaps(walls[rows], walls[rows]) <= MEETING)]
 
 
