@@ -57,9 +57,9 @@ def compiled() -> None:
     ("walls", "normal", "full"),
     [
         ("apart", (10_000, 250), (100_000, 1000)),
-        ("star", (3_500, 210), (20_000, 500)),
-        ("nearly one point", (3_500, 210), (20_000, 500)),
-        ("same", (3_500, 210), (20_000, 500)),
+        ("star", (3_500, 230), (20_000, 500)),
+        ("nearly one point", (3_500, 230), (20_000, 500)),
+        ("same", (3_500, 230), (20_000, 500)),
     ],
 )
 def test_memory_of_a_large_room(walls: str, normal: tuple[int, int], full: tuple[int, int], count: Count) -> None:
