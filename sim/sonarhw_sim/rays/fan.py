@@ -157,15 +157,9 @@ def first_among(
     return nearest, surface
 
 
-@compiled
-def distance_to(x: float, y: float, dx: float, dy: float, surface: int, walls: FloatArray, posts: FloatArray) -> float:
-    """Return the distance (m) along a ray to a surface; inf if the ray misses it."""
-    return _distance_to(x, y, dx, dy, surface, walls, posts)
-
-
 @inlined
 def _distance_to(x: float, y: float, dx: float, dy: float, surface: int, walls: FloatArray, posts: FloatArray) -> float:
-    """Return `distance_to`, without the time of a call."""
+    """Return the distance (m) along a ray to a surface; inf if the ray misses it."""
     if surface >= walls.shape[0]:
         near_side = post_distance(x, y, dx, dy, posts[surface - walls.shape[0]])
         return near_side if near_side > 0.0 else np.inf

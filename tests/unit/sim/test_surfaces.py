@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from sonarhw_sim.rays.fan import distance_to, first_hit
+from sonarhw_sim.rays.fan import first_hit
 from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
 from sonarhw_sim.rays.sequences import leg_is_free
 from sonarhw_sim.room import edges
 from sonarhw_sim.room.edges import _pairs_near, edges_on_walls, find_edges
-from sonarhw_sim.room.grid import lay_grid
+from sonarhw_sim.room.grid import Listing, lay_grid
 from sonarhw_sim.room.room import Enclosures, Room, find_enclosures, inside, load_room, parse_room, walls_enclose
 
 from sonarhw.errors import InputError
@@ -141,7 +141,8 @@ def test_first_hit_is_the_nearest_of_all_surfaces(
     surfaces = lay_grid(np.array(things[0]), np.array(things[1]).reshape(-1, 3))
     ray = (*start, math.cos(direction), math.sin(direction))
     count = len(things[0]) + len(things[1])
-    nearest = min(distance_to(*ray, k, surfaces.walls, surfaces.posts) for k in range(count))
+    one_cell = Listing(np.array([0, count], np.int32), np.arange(count, dtype=np.int32))
+    nearest, _ = first_hit(*ray, -1, surfaces._replace(listing=one_cell))
     distance, surface = first_hit(*ray, -1, surfaces)
     assert distance == nearest
     assert (surface == -1) == math.isinf(nearest)
