@@ -22,7 +22,7 @@ from sonarhw_sim.room.small_things import Cluster, Followed
 
 _AT_CENTRE = 1e-6  # m
 _TURN, _LEAST_TURNS, _LARGEST_TURN = 0.06, 1.2, 0.5  # of `passing_share`: rad; half shadows; rad
-_NARROW = 0.06  # rad: the half width of a part that is seen from its centre
+_NARROW = 0.06  # rad: half width of a part; of a wider one, the mirrored sound is a path of its own
 _LOUDEST = 2.0  # amplitude: no cluster returns more
 _BEYOND_WALL = 1.35  # amplitude: the most that a strip returns, relative to an endless wall
 
