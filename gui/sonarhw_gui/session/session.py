@@ -15,6 +15,7 @@ from PySide6.QtCore import QObject, Qt, QTimer, Signal, Slot
 from sonarhw_compare.scanner_url import demo_url, is_fake
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.compilation import Watcher, watch_compilation
+from sonarhw_sim.rays.small_waves import forget_solutions
 from sonarhw_sim.room.room_arrays import rectangular_room
 from sonarhw_sim.room.room_writing import save_room
 
@@ -321,6 +322,7 @@ class WindowSession(QObject):
         self.fitting.cancel()
         self.causes.cancel()
         self.tracking.cancel()
+        forget_solutions()  # of rooms shown before, and of all their edits
         self.showing.replace_scene(scene)
         self.kept.rooms.open(scene, source)
         self._update_status()

@@ -507,3 +507,9 @@ def _pressure_at(number: float, panels: _Panels, points: FloatArray) -> ComplexA
     away = panels.middles[:, None] - points
     radii = number * np.hypot(away[..., 0], away[..., 1])
     return np.asarray((-0.25j * j0(radii) - 0.25 * y0(radii)) * panels.lengths[:, None])
+
+
+def forget_solutions() -> None:
+    """Drop what is kept of solved walls, up to 100 MB; it is computed again when it is needed."""
+    for kept in (_modes, _fields, _inverse, _panels):
+        kept.cache_clear()
