@@ -85,18 +85,14 @@ class SmallWalls:
         self, number: float, points: FloatArray, pairs: NDArray[np.intp], mirrors: FloatArray
     ) -> ComplexArray:
         """Return what mirrors return more than the endless wall, the share of this part, (p,)."""
-        from scipy.special import j0, y0
-
         (x, y), (other_x, other_y) = points[pairs[:, 0]].T, points[pairs[:, 1]].T
         lengths = number * np.hypot(x - other_x, y + other_y - 2 * np.array([0.0, 1.0])[:, None] * mirrors[:, 1])
-        wall, mirror = -0.25j * j0(lengths) - 0.25 * y0(lengths)
+        wall, mirror = _sound_at(lengths)
         return np.asarray(self.part.share(mirrors[:, :2]) * (mirror - wall))
 
     def _relative(
         self, number: float, points: FloatArray, pairs: NDArray[np.intp], mirrors: FloatArray
     ) -> ComplexArray:
-        from scipy.special import j0, y0  # slow to import, and most rooms have no small walls
-
         rows = np.zeros(len(points), np.intp)
         rows[pairs.ravel()] = 1
         points, pairs = points[rows > 0], (np.cumsum(rows) - 1)[pairs]
@@ -121,7 +117,7 @@ class SmallWalls:
         mirrored = self._mirrored(number, points, pairs[seen], mirrors[seen])
         total[seen] = np.where(mirrors[seen, 2] > 0.0, mirrored, total[seen] - mirrored)
         by_centre = number * np.hypot(*(points - self.part.centre).T)[pairs].sum(axis=1)
-        return np.asarray(total / (-0.25j * j0(by_centre) - 0.25 * y0(by_centre)))
+        return np.asarray(total / _sound_at(by_centre))
 
     @property
     def whole(self) -> "SmallWalls":
@@ -438,7 +434,7 @@ def _single_layers(number: float, panels: _Panels, others: _Panels) -> ComplexAr
     logarithm = _logarithms(points, others.starts[columns][:, None], others.tangents[columns][:, None], length[:, None])
     away = points[:, :, None] - others.points[columns][:, None]
     radii = np.maximum(np.hypot(away[..., 0], away[..., 1]), 1e-12)
-    rest = -0.25j * j0(number * radii) - 0.25 * y0(number * radii) + np.log(radii) / math.tau
+    rest = _sound_at(number * radii) + np.log(radii) / math.tau
     # at radius 0 the rest is finite: its limit
     limit = -0.25j - (math.log(number / 2.0) + np.euler_gamma) / math.tau
     rest = np.where(radii < 1e-9, limit, rest)
@@ -502,11 +498,16 @@ def _slopes(number: float, away: FloatArray, normals: FloatArray) -> ComplexArra
 
 def _pressure_at(number: float, panels: _Panels, points: FloatArray) -> ComplexArray:
     """Return the integral over each panel of the sound of sources (k, 2), (n, k)."""
-    from scipy.special import j0, y0
-
     away = panels.middles[:, None] - points
     radii = number * np.hypot(away[..., 0], away[..., 1])
-    return np.asarray((-0.25j * j0(radii) - 0.25 * y0(radii)) * panels.lengths[:, None])
+    return np.asarray(_sound_at(radii) * panels.lengths[:, None])
+
+
+def _sound_at(sizes: FloatArray) -> ComplexArray:
+    """Return the sound of a source at distances times the wave number, same shape."""
+    from scipy.special import j0, y0  # slow to import, and most rooms have no small walls
+
+    return np.asarray(-0.25j * j0(sizes) - 0.25 * y0(sizes))
 
 
 def forget_solutions() -> None:
