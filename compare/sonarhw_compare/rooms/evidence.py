@@ -70,10 +70,11 @@ class SearchProgress:
 # How well a draft explains scans: the likelihood of a fit, for every echo and every silence, with all reflections.
 
 
-FOLLOWED = PredictionOptions(rays=720, max_bounces=5)  # few rays, because every trial searches all paths
-FOLLOWED_QUICKLY = PredictionOptions(rays=360, max_bounces=2)
+# few rays, because every trial searches all paths; the small walls of each would have to be solved anew
+FOLLOWED = PredictionOptions(rays=720, max_bounces=5, small=False)
+FOLLOWED_QUICKLY = PredictionOptions(rays=360, max_bounces=2, small=False)
 # later echoes come by more reflections; without their paths, a wrong room can be more likely than the true one
-FOLLOWED_LATER = PredictionOptions(rays=720, max_bounces=8)
+FOLLOWED_LATER = PredictionOptions(rays=720, max_bounces=8, small=False)
 # in a known room: an echo that it explains by many reflections would else speak for objects that do not exist
 FOLLOWED_ALL = PredictionOptions(rays=720)
 PRICE = 10.0  # log-likelihood that a wall or post must add

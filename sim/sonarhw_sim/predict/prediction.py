@@ -55,6 +55,8 @@ _OPTIONS: dict[str, arguments.Check] = {
     "single": arguments.flag,
     "grain": arguments.whole(0),
     "sections": arguments.whole(1),
+    "shadows": arguments.flag,
+    "small": arguments.flag,
     "own_body": arguments.flag,
 }
 _OR_NONE = ("edge_strength", "receiver", "seed", "grain")
@@ -76,6 +78,7 @@ class PredictionOptions:
     grain: int | None = None  # seed of the speckle of rough surfaces; None: their mean power
     sections: int = 1  # number of horizontal sections across the face, for a place with a height
     shadows: bool = True  # whether sound bends past obstacles on the way out and back, and past thin posts
+    small: bool = True  # whether small walls that sound meets as one thing are solved by the wave, up to 2 s for each
     own_body: bool = False  # also the echoes of the carrier's own body (`own_body` of the board)
 
     def __post_init__(self) -> None:
@@ -176,6 +179,7 @@ def search_for(room: Room, board: Board, options: PredictionOptions) -> PathSear
         10 ** ((board.threshold_db - below) / 20) / gained,
         ka=board.wavenumber(room.air) * board.aperture_radius,
         shadows=options.shadows,
+        small=options.small,
     )
 
 

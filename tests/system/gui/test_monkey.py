@@ -145,9 +145,12 @@ def settled_memory(window: MainWindow, log: Path) -> int:
     session.fitting.cancel()
     session.causes.cancel()
     session.finding.cancel()
-    until(lambda: not (session.live.running or session.jobs.busy("save files") or session.jobs.busy("open files")))
+    lanes = "save files", "open files", "causes", "fit", "find the room"
+    until(lambda: not (session.live.running or any(map(session.jobs.busy, lanes))))
     while session.scans.scans:
         session.scans.remove(0)
+    session.close_readings()  # the last scan is kept while a log is shown, and is as long as chance made it
+    QApplication.clipboard().clear()  # of a picture of a view
     session.showing.set_look(Look())
     session.showing.show_all()
     window.commands.reset_layout.trigger()

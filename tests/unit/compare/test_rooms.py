@@ -11,13 +11,16 @@ from sonarhw_compare.locate import Pose, PoseSpread
 from sonarhw_compare.rooms.candidates import Touches, confirmed
 from sonarhw_compare.rooms.causes import MovedWall, NewPost, NewWall, OtherReflectance, find_causes
 from sonarhw_compare.rooms.draft import DraftEnd, DraftPost, DraftWall, RoomDraft, draft_of_room
-from sonarhw_compare.rooms.evidence import FOLLOWED, ROUGH, Evidence, evidence_of, scored
+from sonarhw_compare.rooms.effort import Effort
+from sonarhw_compare.rooms.evidence import FOLLOWED, ROUGH, Course, Evidence, evidence_of, scored
 from sonarhw_compare.rooms.frame import SOLVED, in_frame, with_solved_headings
 from sonarhw_compare.rooms.outcome import found_room, found_room_figures, found_room_text, next_places, verdict_of
 from sonarhw_compare.rooms.refinement import Move, deviations_of, moves_of, range_errors, refined
 from sonarhw_compare.rooms.search import FoundRoom, squared
 from sonarhw_sim.air import Air, Receiver
 from sonarhw_sim.board.profile import Board, load_board
+from sonarhw_sim.predict.prediction import predict_scan
+from sonarhw_sim.rays.small_waves import SmallWalls
 from sonarhw_sim.room.room import Place, load_room, parse_room, with_walls
 
 from sonarhw.errors import InputError
@@ -251,6 +254,24 @@ def test_a_room_is_turned_as_a_whole_to_written_positions_unless_a_pose_is_exact
     assert np.abs(moved.segments[:-1] - room.walls).max() < 0.003
     exact = [PoseSpread(), *written[1:]]
     assert in_frame(evidence_of(scans, exact, board, room.air), turned) is turned
+
+
+def test_no_search_for_a_room_solves_the_small_walls_of_its_drafts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each of thousands of drafts has other ones, which took up to 25 s, and no search ends within a draft."""
+    niche = [(2.0, 1.0), (2.03, 1.0), (2.03, 1.04), (2.0, 1.04)]
+    room = polygon_room([(0.0, 0.0), (2.0, 0.0), *niche, (2.0, 2.0), (0.0, 2.0)])
+    here, board = Place("here", (1.0, 1.0)), load_board("polaroid-6500")
+    scan, draft = predicted_scan(room, here, board, 10.0), replace(draft_of_room(room), places=(here,))
+
+    def solved(small: SmallWalls, *_: object) -> None:
+        raise AssertionError(f"solved: {small.walls}")
+
+    monkeypatch.setattr(SmallWalls, "sound", solved)
+    with pytest.raises(AssertionError, match="solved"):
+        predict_scan(room, here, board, np.zeros(1))
+    for effort in Effort:
+        evidence = evidence_of([scan], [PoseSpread()], board, room.air, Course(effort=effort))
+        assert scored(evidence, draft).score > scored(evidence, draft.without_wall(0)).score
 
 
 # What several places confirm.
