@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 Point = tuple[float, float]
 
-_ELEMENTS = 16  # on a wavelength
+_ELEMENTS, _FEWEST = 16, 4  # on a wavelength; on a wall
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 _INNER = 12  # points within each solid
 _SQUARE = np.array([[0.5, 0.5], [-0.5, 0.5], [-0.5, -0.5], [0.5, -0.5], [0.5, 0.5]])
@@ -37,7 +37,7 @@ class RigidScene:
     mirror: float | None = None  # x of an endless wall across the x axis
 
     def elements(self) -> Floats:
-        """Return the ends of all elements, (n, 2, 2); they are shorter towards the ends of plates and corners."""
+        """Return the ends of all elements, (n, 2, 2), of equal length on each wall."""
         parts = [ends for chain in self.plates for ends in _pieces(chain)]
         for x, y, radius in self.posts:
             count = max(24, math.ceil(math.tau * radius / WAVELENGTH * _ELEMENTS))
@@ -61,26 +61,11 @@ class RigidScene:
 
 
 def _pieces(chain: Sequence[Point]) -> Iterator[Floats]:
-    for begin, end in itertools.pairwise(chain):
-        along = np.array(end) - np.array(begin)
-        length = float(np.hypot(*along))
-        count = max(6, math.ceil(length / WAVELENGTH * _ELEMENTS))
-        # as even as possible, but with short elements at both ends
-        share = np.arange(count + 1) / count
-        near = min(1.0, 3.0 * WAVELENGTH / length)
-        share = share - 0.9 * np.sin(math.tau * share) / math.tau if near == 1.0 else _graded(count, near)
-        points = np.array(begin) + share[:, None] * along
+    for begin, end in itertools.pairwise(np.array(chain)):
+        # equal ones: near neighbours of another length, the slope at the middle of an element is wrong
+        count = max(_FEWEST, math.ceil(math.dist(begin, end) / WAVELENGTH * _ELEMENTS))
+        points = begin + np.linspace(0.0, 1.0, count + 1)[:, None] * (end - begin)
         yield np.stack((points[:-1], points[1:]), axis=1)
-
-
-def _graded(count: int, near: float) -> Floats:
-    """Return positions from 0 to 1, closer to each other within a share `near` / 2 of both ends."""
-    fine = np.linspace(0, 1, 4001)
-    edge = np.minimum(fine, 1 - fine)
-    density = 1 + 2.0 * np.maximum(1 - edge / (near / 2), 0.0) ** 2 / np.maximum(edge / (near / 2) + 0.05, 0.05)
-    total = np.concatenate(([0.0], np.cumsum((density[1:] + density[:-1]) / 2)))
-    count = int(count * total[-1] / 4000) + 1
-    return np.asarray(np.interp(np.arange(count + 1) / count, total / total[-1], fine))
 
 
 def _green(k: float, x: Floats, y: Floats) -> Complexes:
