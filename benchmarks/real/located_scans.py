@@ -25,15 +25,16 @@ from time import process_time
 
 import numpy as np
 from scipy.optimize import minimize, minimize_scalar
-from scipy.special import expit, logit, softmax
+from scipy.special import expit, logit, logsumexp, softmax
 from scipy.stats import binomtest
 from sonarhw_compare.corrections import MIRRORED
-from sonarhw_compare.locate import Learned, Located
+from sonarhw_compare.locate import CLOCKWISE, Learned, learned
+from sonarhw_compare.regions import angles_and_ranges, shares_of_readings
 
 from benchmarks.real.judged_scans import RealScan, load_sensors, program_options
 from benchmarks.real.real_places import OTHER_ROOMS, locate_real
 from benchmarks.real.sensor_table import kept
-from sonarhw.readings import FloatArray
+from sonarhw.readings import BoolArray, FloatArray
 
 BANDS = (0.0, 0.5, 0.6, 0.8, 0.9, 1.0)
 POOLED = (0.0, 0.8, 1.0)  # few scans in a band cannot contradict what it states
@@ -42,6 +43,7 @@ SAME_TEAM = {"A": "AB", "B": "AB"}  # two recordings by one team are one sensor
 WRONG_ROOM = 0.03  # assumed share of scans that are located in a wrong room
 _EVERY = 4  # scan is located in other rooms, too
 _LEAST = 1e-3  # probability that a right pose has at least
+_IMPOSSIBLE = -30.0  # logarithm of the weight of reversed angles without a pose
 FILE = Path("compare/sonarhw_compare/learned.toml")
 
 First = tuple[float, bool]  # stated probability of a first pose, and whether it is right
@@ -49,22 +51,29 @@ First = tuple[float, bool]  # stated probability of a first pose, and whether it
 
 @dataclass(frozen=True)
 class Outcome:
-    """What is known of one located scan."""
+    """What is known of one located scan; its poses are followed by those with reversed angles."""
 
     sensor: str
     spot: str
     name: str
-    right: tuple[bool, ...]  # of the poses
-    log_likelihoods: FloatArray  # of the poses, of independent readings
-    volumes: FloatArray  # their logarithms
+    angles: FloatArray  # (n,) rad, of the readings
+    ranges: FloatArray  # (n,) m, NaN without an echo
+    right: BoolArray  # (poses,)
+    mirrored: BoolArray  # (poses,), whether the angles are reversed
+    log_likelihoods: FloatArray  # (poses, n), of each reading
+    priors: FloatArray  # (poses,), logarithms of prior density and volume
     explained: float  # share of the echoes at the first pose
-    read_rightly: float  # probability that the scan was read rightly, given that it is of this room
-    mirrored: float  # logarithm of the odds that angles are clockwise, at equal prior probabilities
+    unit: float  # probability that the ranges are in this unit, given that the scan is of this room
     seconds: float  # of processor time
 
-    def shares(self, temperature: float) -> FloatArray:
-        """Return the probabilities of the poses if one of them is right."""
-        return np.asarray(softmax(self.log_likelihoods / temperature + self.volumes))
+    def weights(self, alike: float) -> FloatArray:
+        """Return the logarithm of the weight of each pose, at equal prior probabilities of both directions."""
+        return self.log_likelihoods @ shares_of_readings(self.angles, self.ranges, alike) + self.priors
+
+    def odds_of_mirrored(self, alike: float) -> float:
+        """Return the logarithm of the odds that the angles are reversed, at equal prior probabilities."""
+        weights = self.weights(alike)
+        return float(logsumexp([_IMPOSSIBLE, *weights[self.mirrored]]) - logsumexp(weights[~self.mirrored]))
 
 
 def main() -> None:
@@ -81,16 +90,17 @@ def main() -> None:
         for scan in scans[::_EVERY]
         for room in OTHER_ROOMS
     ]
-    found = []
+    found, odds = [], []
     for outcome in outcomes:
         others = [one for one in outcomes if one.sensor != outcome.sensor]
         by = learned_on(others, [share for sensor, share in elsewhere if sensor != outcome.sensor])
         found.append(first_pose(outcome, by))
+        odds.append(outcome.odds_of_mirrored(by.alike))
         stated, right = found[-1]
         print(f"{outcome.name:5} {stated:6.1%} {'right' if right else 'wrong':5} {outcome.explained:4.0%}", flush=True)
     print_reliability(outcomes, found)
     if chosen.mirrored:
-        print_mirrored(outcomes)
+        print_mirrored(outcomes, np.array(odds))
     by = learned_on(outcomes, [share for _, share in elsewhere])
     text = learned_text(by, outcomes, [share for _, share in elsewhere])
     print(f"\n{text}")
@@ -102,25 +112,28 @@ def located_outcome(scan: RealScan) -> Outcome:
     """Locate a scan in the arena."""
     begin = process_time()
     located = locate_real(scan)
-    poses, spent = located.poses, process_time() - begin
-    all_poses = sum(pose.probability for pose in poses)
+    spent = process_time() - begin
+    mirrored = [pose for one in located.others if one.correction == MIRRORED for pose in one.poses]
+    poses = [*located.poses, *mirrored]
+    of_units = sum(one.pose.probability for one in located.others if one.correction != MIRRORED)
+    angles, ranges = angles_and_ranges(located.readings)
+    by_reading = np.array([pose.by_reading for pose in poses])
+    weighed = by_reading @ shares_of_readings(angles, ranges, learned().alike)
+    turned = np.repeat([False, True], [len(located.poses), len(mirrored)])
     return Outcome(
         SAME_TEAM.get(scan.sensor, scan.sensor),
         scan.spot,
         scan.name,
-        tuple(math.dist(pose.position, (scan.x, scan.y)) < RIGHT for pose in poses),
-        np.array([pose.log_likelihood for pose in poses]),
-        np.array([pose.log_volume for pose in poses]),
+        angles,
+        ranges,
+        np.array([math.dist(pose.position, (scan.x, scan.y)) < RIGHT for pose in poses]) & ~turned,
+        turned,
+        by_reading,
+        np.array([pose.log_likelihood + pose.log_volume for pose in poses]) - weighed,
         located.explained,
-        all_poses / (1 - located.nothing),
-        _mirrored_odds(located, all_poses),
+        1 - of_units / (1 - located.nothing),
         spent,
     )
-
-
-def _mirrored_odds(located: Located, all_poses: float) -> float:
-    reversed_angles = [one.pose.probability for one in located.others if one.correction == MIRRORED]
-    return math.log(max(sum(reversed_angles), 1e-12) / max(all_poses, 1e-12)) + math.log(19.0)  # prior of 0.05
 
 
 def _explained(scan: RealScan, room: str) -> float:
@@ -131,10 +144,10 @@ def _explained(scan: RealScan, room: str) -> float:
 def learned_on(outcomes: Sequence[Outcome], elsewhere: Sequence[float]) -> Learned:
     """Return what these scans show, and shares explained in other rooms; sensors and places have equal weights."""
 
-    def loss(temperature: float) -> float:
-        return mean_of(outcomes, lambda one: -math.log(max(one.shares(temperature)[list(one.right)].sum(), _LEAST)))
+    def loss(alike: float) -> float:
+        return mean_of(outcomes, lambda one: -math.log(max(softmax(one.weights(alike))[one.right].sum(), _LEAST)))
 
-    temperature = float(minimize_scalar(loss, bounds=(0.2, 5.0), method="bounded").x)
+    alike = float(minimize_scalar(loss, bounds=(0.0, 1.0), method="bounded").x)
     usual = mean_of(outcomes, lambda one: one.explained)
     shares = np.array([*(one.explained for one in outcomes), *elsewhere])
     wrong = np.repeat([False, True], [len(outcomes), len(elsewhere)])
@@ -147,8 +160,8 @@ def learned_on(outcomes: Sequence[Outcome], elsewhere: Sequence[float]) -> Learn
     # both kinds of rooms are as frequent here
     at_usual, by_share = minimize(wrong_room_loss, [0.0, 0.1], method="Nelder-Mead").x.tolist()
     spread = pstdev([one.explained for one in outcomes if one.right[0]])
-    missing = mean_of(outcomes, lambda one: not any(one.right))
-    return Learned(temperature, usual, spread, missing, float(expit(at_usual + logit(WRONG_ROOM))), by_share)
+    missing = mean_of(outcomes, lambda one: not one.right.any())
+    return Learned(alike, usual, spread, missing, float(expit(at_usual + logit(WRONG_ROOM))), by_share)
 
 
 def weights_of(outcomes: Sequence[Outcome]) -> FloatArray:
@@ -166,9 +179,10 @@ def mean_of(outcomes: Sequence[Outcome], value: Callable[[Outcome], float]) -> f
 
 def first_pose(outcome: Outcome, by: Learned) -> First:
     """Return the probability of the first pose, and whether it is right."""
-    shares = outcome.shares(by.temperature) * outcome.read_rightly * (1 - by.chance_of_nothing(outcome.explained))
+    shares = softmax(outcome.weights(by.alike) + np.log(np.where(outcome.mirrored, CLOCKWISE, 1 - CLOCKWISE)))
+    shares *= np.where(outcome.mirrored, 0.0, outcome.unit * (1 - by.chance_of_nothing(outcome.explained)))
     first = int(shares.argmax())
-    return float(shares[first]), outcome.right[first]
+    return float(shares[first]), bool(outcome.right[first])
 
 
 def learned_text(by: Learned, outcomes: Sequence[Outcome], elsewhere: Sequence[float]) -> str:
@@ -179,7 +193,7 @@ def learned_text(by: Learned, outcomes: Sequence[Outcome], elsewhere: Sequence[f
 # `python -m benchmarks.real.located_scans FOLDER --learn` writes this file. Learned on {len(outcomes)} scans of
 # sensors {sensors}, and on {len(elsewhere)} searches in rooms in which they were not made.
 # {WRONG_ROOM:.0%} of all scans are assumed to be located in a wrong room.
-temperature = {by.temperature:.2f}
+alike = {by.alike:.2f}
 usual_explained = {by.usual_explained:.3f}
 usual_explained_sd = {by.usual_explained_sd:.3f}
 missing = {by.missing:.3f}
@@ -188,12 +202,11 @@ wrong_room_by_share = {by.wrong_room_by_share:.3f}
 """
 
 
-def print_mirrored(outcomes: Sequence[Outcome]) -> None:
-    """Print how often the reversed angles of a scan are recognised, by the odds at equal prior probabilities.
+def print_mirrored(outcomes: Sequence[Outcome], odds: FloatArray) -> None:
+    """Print how often the reversed angles of a scan are recognised, by the logarithms of the odds of them (n,).
 
     The odds of a reversed copy are those of the scan the other way round.
     """
-    odds = np.array([one.mirrored for one in outcomes])
     weights = weights_of(outcomes)
     for title, least in (("more probable", 0.0), ("9 times as probable", math.log(9.0))):
         copies, scans = weights @ (odds < -least), weights @ (odds > least)
@@ -208,7 +221,7 @@ def print_reliability(outcomes: Sequence[Outcome], found: Sequence[First]) -> No
     stated = np.array([probability for probability, _ in found])
     spread = math.sqrt(float((stated * (1 - stated)).sum()))
     right = np.array([float(one) for _, one in found])
-    weights, listed = weights_of(outcomes), mean_of(outcomes, lambda one: any(one.right))
+    weights, listed = weights_of(outcomes), mean_of(outcomes, lambda one: float(one.right.any()))
     brier, count = weights @ (stated - right) ** 2, right.sum()
     print(f"right first poses: {stated.sum():.1f} ± {spread:.1f} expected, {count:.0f} found; Brier score {brier:.3f}")
     print(

@@ -4,7 +4,7 @@ import csv
 import math
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,8 @@ from sonarhw.errors import InputError, counted, deviation_text, estimate_degrees
 from sonarhw.readings import FloatArray, Reading, angle_difference
 from sonarhw_compare.corrections import AS_READ, MIRRORED, OTHER_UNITS, Correction
 from sonarhw_compare.fit.fitting import check_fit
-from sonarhw_compare.fit.objective import MODERATE, Problem, make_problem
+from sonarhw_compare.fit.likelihood import PathMemory
+from sonarhw_compare.fit.objective import MODERATE, Problem, make_problem, scan_arrays
 from sonarhw_compare.fit.parameters import Parameter, free_parameters
 from sonarhw_compare.fit.quantities import HEADING, OFFSET, THRESHOLD, Quantity, X, Y
 from sonarhw_compare.fit.result import FitOptions, PlacedScan
@@ -29,7 +30,7 @@ from sonarhw_compare.fit.starting import HEADINGS, QUICK, Scores, at_marks, best
 from sonarhw_compare.foreign_rows import opened, short_lines
 from sonarhw_compare.free_space import distances_to, find_free_space
 from sonarhw_compare.match import TOLERANCE, explains_few, few_explained
-from sonarhw_compare.regions import angles_and_ranges, mean_run
+from sonarhw_compare.regions import angles_and_ranges, shares_of_readings
 
 # How well the pose of a scan is known before its readings are used, as a prior of its location.
 
@@ -85,13 +86,11 @@ def known_heading(heading: float | None, deviation: float) -> tuple[Place, PoseS
 
 
 def with_prior(
-    parameters: Sequence[Parameter], board: Board, expected: Place, spread: PoseSpread, softening: float
+    parameters: Sequence[Parameter], board: Board, expected: Place, spread: PoseSpread
 ) -> tuple[Parameter, ...]:
     """Return the parameters of a scan with normal priors of position, heading and sensor, where these are known.
 
-    Range offset and threshold have the spreads of the board, the threshold else the tolerance of a fit. The
-    log-likelihood will be divided by `softening`, and the prior with it, so its information is that many times as much
-    here.
+    Range offset and threshold have the spreads of the board, the threshold else the tolerance of a fit.
     """
     wide, (x, y) = spread.with_width, expected.position
     priors: dict[Quantity, tuple[float, float]] = {
@@ -105,11 +104,11 @@ def with_prior(
     for row, parameter in enumerate(changed):
         middle, deviation = priors.get(parameter.quantity, (0.0, math.inf))
         if math.isfinite(deviation):
-            changed[row] = replace(parameter, expected=middle, deviation=deviation / math.sqrt(softening))
+            changed[row] = replace(parameter, expected=middle, deviation=deviation)
     return tuple(changed)
 
 
-def scores_with_prior(scores: Scores, expected: Place, spread: PoseSpread, softening: float) -> Scores:
+def scores_with_prior(scores: Scores, expected: Place, spread: PoseSpread) -> Scores:
     """Return the scores of a lattice plus the logarithm of the prior, widened by a step of the lattice.
 
     If the heading is known, those of the lattice are within half a turn of it, as a normal prior needs them.
@@ -117,12 +116,12 @@ def scores_with_prior(scores: Scores, expected: Place, spread: PoseSpread, softe
     if math.isfinite(spread.heading):
         turns = angle_difference(scores.headings, expected.heading)
         by_heading = _log_normal(turns, math.hypot(spread.heading, math.tau / HEADINGS))
-        weighed = scores.scores + softening * by_heading
+        weighed = scores.scores + by_heading
         scores = replace(scores, headings=expected.heading + turns, scores=weighed)
     if math.isfinite(spread.xy):
         away = np.hypot(*(scores.positions - expected.position).T)
         by_position = _log_normal(away, math.hypot(spread.xy, scores.spacing))
-        scores = replace(scores, scores=scores.scores + softening * by_position[:, None])
+        scores = replace(scores, scores=scores.scores + by_position[:, None])
     return scores
 
 
@@ -139,12 +138,9 @@ def _log_normal(away: FloatArray, deviation: float) -> FloatArray:
 # known.
 #
 # Neighbouring readings of one echo have the same error: an edge that is too loud in the model is too loud at ten
-# headings. The likelihood assumes independent errors, so its logarithm is divided by the number of readings per
-# independent one.
-#
-# No model of a real room is exact, and then one scan prefers one of two similar poses too clearly. The log-likelihood
-# is therefore divided by a temperature, too. It is learned on scans of real sensors, with which the stated
-# probabilities of poses are those of being right (`benchmarks.real.located_scans --learn`).
+# headings. The likelihood assumes independent errors, so each reading counts as a share of an independent one, from the
+# lattice to the probabilities. How alike the errors of neighbours are is learned on scans of real sensors, with which
+# the stated probabilities of poses are those of being right (`benchmarks.real.located_scans --learn`).
 #
 # Beside the poses of the scan, there are other explanations: its angles or the unit of its ranges were read wrongly, or
 # it is not from this room. All probabilities together are 1.
@@ -153,8 +149,8 @@ def _log_normal(away: FloatArray, deviation: float) -> FloatArray:
 _POSITIONS = 500  # of the lattice, about
 _FINEST = 0.06  # m, smallest spacing
 _MAXIMA = 12  # of the lattice, that are refined
-_HOPELESS = 60.0  # largest deficit of the log-likelihood of the lattice for a start
-_PROMISING = 12.0  # largest deficit of the tempered log-likelihood, after rough refinement, for a full one
+_HOPELESS = 20.0  # largest deficit of the log-likelihood of the lattice for a start
+_PROMISING = 12.0  # largest deficit of the log-likelihood, after rough refinement, for a full one
 _CLIMBS = 3  # most repetitions of the full refinement
 _SAME = 0.03  # m between poses that count as the same
 _SAME_HEADING = math.radians(10)
@@ -165,8 +161,8 @@ NEAR = 0.1  # m, largest distance of a pose that counts as a place of the room
 _ANY_HEADING = math.radians(90)  # standard deviation above which the heading counts as unknown
 _CONTRADICTION = 4.0  # standard deviations between the known heading and the located one
 _OTHER_MAXIMA = 4  # of the lattice of a scan that is read in another way, that are refined
-_UNLIKELY_WAY = 8.0  # largest deficit of the tempered log-likelihood of such a lattice for a refinement
-_CLOCKWISE, _OTHER_UNIT = 0.05, 0.005  # prior probabilities of clockwise angles, and of each other unit
+_UNLIKELY_WAY = 8.0  # largest deficit of the log-likelihood of such a lattice for a refinement
+CLOCKWISE, _OTHER_UNIT = 0.05, 0.005  # prior probabilities of clockwise angles, and of each other unit
 _NEAREST = 0.05  # of the diagonal of the room, least median range in another unit
 _MENTIONED = 0.01  # least probability of another way to read the scan that is printed
 _THRESHOLD_TOLERANCE = 3.0  # dB, if the board states no spread
@@ -182,8 +178,9 @@ class Pose:
     offset: float  # m, added to every measured range
     probability: float
     deviations: tuple[float, float, float]  # standard deviations of x and y, m, and of the heading, rad
-    log_likelihood: float = 0.0  # of independent readings, with prior, at any temperature
+    log_likelihood: float = 0.0  # of independent readings, with prior
     log_volume: float = 0.0  # of the peak of the posterior
+    by_reading: FloatArray | None = field(default=None, compare=False, repr=False)  # (n,), log-likelihood of each alone
 
     @property
     def place(self) -> Place:
@@ -228,7 +225,7 @@ class Pose:
 class Learned:
     """What is learned on scans of real sensors at known places: `learned.toml` beside this module."""
 
-    temperature: float  # of log-likelihoods of independent readings
+    alike: float  # correlation of the errors of neighbouring readings with the same range
     usual_explained: float  # mean share of the echoes within 5 cm of the prediction at the right pose
     usual_explained_sd: float  # its standard deviation between scans
     missing: float  # probability that the right pose in the right room is not among the poses
@@ -411,7 +408,7 @@ class Located:
     @property
     def lattice(self) -> FloatArray:
         """Rough log-posterior of each position of the lattice, (p,); the best is 0, positions without paths -inf."""
-        summed = logsumexp(self.scores.scores / self.redundancy, axis=1)
+        summed = logsumexp(self.scores.scores, axis=1)
         return np.asarray(summed - summed.max())
 
     @property
@@ -482,30 +479,29 @@ def locate_scan(
     scan = PlacedScan(readings, Place("", (0.0, 0.0), height=height))
     check_fit([scan], board, free, options)
     scan = replace(scan, readings=without_own_body(board.own_body, readings))
-    redundancy = mean_run(*angles_and_ranges(scan.readings))
-    softening = redundancy * learned().temperature  # by which the log-likelihood is divided, but not the prior
-    free = with_prior(free, board, expected, spread, softening)
+    shares = shares_of_readings(*angles_and_ranges(scan.readings), learned().alike)
+    free = with_prior(free, board, expected, spread)
     problem = make_problem([scan], room, board, free, options.prediction, all_echoes=options.all_echoes)
+    problem = replace(problem, shares=shares)
     ways = (AS_READ, *(() if rightly else _other_ways(scan.readings, room, board)))
     scores, *others = (
-        scores_with_prior(one, expected, spread, softening)
+        scores_with_prior(one, expected, spread)
         for one in _score_lattice(problem, ways[1:], lambda share: tick(0.5 * share))
     )
     possible = np.isfinite(scores.scores).any()
     starts = _starts(scores, room, board) if possible else []
-    tops = _tops(problem, starts, redundancy, lambda share: tick(0.5 + 0.3 * share)) if starts else []
+    tops = _tops(problem, starts, lambda share: tick(0.5 + 0.3 * share)) if starts else []
     if not tops:
         raise InputError(
             f"room {room.name!r}, board {board.name!r}: from no position in this room can this board have an echo as "
             "near as those of the scan; check the room, the board and its blanking"
         )
-    found = [_peaks_as_poses(tops, redundancy)]
+    found = [_peaks_as_poses(tops)]
     for way, rough in zip(ways[1:], others, strict=True):
-        problem = make_problem(
-            [_read_as(scan, way)], room, board, free, options.prediction, all_echoes=options.all_echoes
-        )
-        found.append(_poses_read(way, problem, rough, float(scores.scores.max()), redundancy))
-    located = Located(room, board, tuple(scan.readings), (), scores, redundancy, 0.0)
+        arrays = scan_arrays(_read_as(scan, way).readings, None, all_echoes=options.all_echoes)
+        read = replace(problem, scans=(arrays,), memory=PathMemory())
+        found.append(_poses_read(way, read, rough, float(scores.scores.max()), shares))
+    located = Located(room, board, tuple(scan.readings), (), scores, len(shares) / float(shares.sum()), 0.0)
     located = replace(located, expected=expected, spread=spread)
     chosen = [(way, poses) for way, poses in zip(ways, found, strict=True) if poses]
 
@@ -539,25 +535,25 @@ def _read_as(scan: PlacedScan, way: Correction) -> PlacedScan:
     return scan if way == AS_READ else replace(scan, readings=readings)
 
 
-def _poses_read(way: Correction, problem: Problem, scores: Scores, best: float, redundancy: float) -> list[Pose]:
+def _poses_read(way: Correction, problem: Problem, scores: Scores, best: float, shares: FloatArray) -> list[Pose]:
     """Return the poses of a scan that is read in another way; none if its lattice is far below the `best` of the scan.
 
     A density of ranges in another unit is one of the measured ranges times the factor between them.
     """
-    gained = math.log(way.scale) * float((problem.scans[0].counts > 0).sum())
+    gained = math.log(way.scale) * float(shares @ (problem.scans[0].counts > 0))
     starts = _starts(scores, problem.room, problem.board)[:_OTHER_MAXIMA]
-    if not starts or (scores.scores.max() + gained - best) / redundancy < -_UNLIKELY_WAY:
+    if not starts or scores.scores.max() + gained - best < -_UNLIKELY_WAY:
         return []
-    tops = _tops(problem, starts, redundancy, lambda _share: None)
-    poses = _peaks_as_poses(tops, redundancy) if tops else []
-    return [replace(pose, log_likelihood=pose.log_likelihood + gained / redundancy) for pose in poses]
+    tops = _tops(problem, starts, lambda _share: None)
+    poses = _peaks_as_poses(tops) if tops else []
+    return [replace(pose, log_likelihood=pose.log_likelihood + gained) for pose in poses]
 
 
 def _prior(way: Correction, ways: int) -> float:
     """Return the prior probability of a way to read a scan, of several."""
     if way == AS_READ:
-        return 1 - _CLOCKWISE - _OTHER_UNIT * (ways - 2) if ways > 1 else 1.0
-    return _CLOCKWISE if way == MIRRORED else _OTHER_UNIT
+        return 1 - CLOCKWISE - _OTHER_UNIT * (ways - 2) if ways > 1 else 1.0
+    return CLOCKWISE if way == MIRRORED else _OTHER_UNIT
 
 
 def _with_probabilities(
@@ -571,8 +567,7 @@ def _with_probabilities(
     `found` begins with those of the scan as it is. `rightly`: one of the poses is right.
     """
     weights = [
-        np.array([pose.log_likelihood / learned().temperature + pose.log_volume for pose in poses])
-        + math.log(_prior(way, len(found)))
+        np.array([pose.log_likelihood + pose.log_volume for pose in poses]) + math.log(_prior(way, len(found)))
         for way, poses in found
     ]
     whole = logsumexp(np.concatenate(weights))
@@ -633,6 +628,7 @@ def _score_lattice(problem: Problem, others: Sequence[Correction], tick: Callabl
         problem.places[0].height,
         lambda: tick(next(done) / len(positions)),
         [(way.turn, way.scale) for way in others],
+        problem.shares,
     )
     return [scores, *(replace(scores, scores=other) for other in scores.others)]
 
@@ -654,9 +650,7 @@ def _nearest(scores: Scores, position: tuple[float, float]) -> int:
     return int(np.hypot(*(scores.positions - position).T).argmin())
 
 
-def _tops(
-    problem: Problem, starts: list[tuple[float, float, float]], redundancy: float, tick: Callable[[float], None]
-) -> list[Peak]:
+def _tops(problem: Problem, starts: list[tuple[float, float, float]], tick: Callable[[float], None]) -> list[Peak]:
     """Return the maxima near these poses. All are refined roughly, and the promising ones fully."""
     rough = []
     for k, start in enumerate(starts):
@@ -667,7 +661,7 @@ def _tops(
         values = refined(problem, values, QUICK, (MODERATE,), searches=2, iterations=15)
         rough.append(peak_at(problem, values, QUICK))
     best = max(rough, key=lambda top: top.score)
-    promising = _different([top for top in rough if best.score - top.score < _PROMISING * redundancy])
+    promising = _different([top for top in rough if best.score - top.score < _PROMISING])
     tops = []
     for k, top in enumerate(promising):
         tick(0.5 + 0.5 * k / len(promising))
@@ -705,21 +699,22 @@ def _within(room: Room, spread: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.inv(np.linalg.inv(spread) + np.diag(12 / sides**2)))
 
 
-def _peaks_as_poses(tops: Sequence[Peak], redundancy: float) -> list[Pose]:
+def _peaks_as_poses(tops: Sequence[Peak]) -> list[Pose]:
     """Return the poses at different maxima, best first, without those that are very improbable."""
     tops = _different(list(tops))
-    least = tops[0].score + redundancy * learned().temperature * math.log(_LEAST)
+    least = tops[0].score + math.log(_LEAST)
     room, board = tops[0].objective.problem.room, tops[0].objective.problem.board
-    return [_pose(top, redundancy) for top in _clear([top for top in tops if top.score >= least], room, board)]
+    return [_pose(top) for top in _clear([top for top in tops if top.score >= least], room, board)]
 
 
-def _pose(top: Peak, redundancy: float) -> Pose:
+def _pose(top: Peak) -> Pose:
     problem = top.objective.problem
-    spread = _within(problem.room, redundancy * covariance_of(top.objective, top.values)[:3, :3])
+    spread = _within(problem.room, covariance_of(top.objective, top.values)[:3, :3])
     dx, dy, turn = (np.sqrt(np.diag(spread)) * problem.widenings[:3]).tolist()
     x, y, heading, offset = top.values[:4].tolist()
     volume = 0.5 * float(np.linalg.slogdet(spread)[1])
-    return Pose((x, y), turned_near(heading), offset, 0.0, (dx, dy, turn), top.score / redundancy, volume)
+    by_reading = top.objective.by_reading(top.values, 0)
+    return Pose((x, y), turned_near(heading), offset, 0.0, (dx, dy, turn), top.score, volume, by_reading)
 
 
 # Poses of scans with their uncertainty, from a CSV file.

@@ -19,6 +19,7 @@ TOLERANCE = 0.02 + 1e-9
 LEAST_WIDTH = math.radians(10)  # narrower regions may be chance
 _TURNED = 1e-6  # rad, smallest difference of two headings
 LEAST = LEAST_WIDTH - _TURNED  # a width of exactly 10° is often rounded down
+_SAME_HEADING = math.radians(5)  # readings within it count as one
 _GAP = 1.5  # of the usual step between headings; a larger step ends a region
 
 
@@ -66,6 +67,20 @@ def mean_run(headings: FloatArray, ranges: FloatArray, tolerance: float = TOLERA
     silent = math.inf
     runs = list(_runs(headings, np.where(np.isnan(ranges), silent, ranges), tolerance))
     return len(ranges) / max(1, len(runs))
+
+
+def shares_of_readings(headings: FloatArray, ranges: FloatArray, alike: float) -> FloatArray:
+    """Return the share of an independent reading that each reading counts as, (n,).
+
+    The errors of neighbours with the same range, or without an echo, have the correlation `alike`; those within 5°
+    count as one reading.
+    """
+    shares = np.ones(len(ranges))
+    for run in _runs(headings, np.where(np.isnan(ranges), math.inf, ranges), TOLERANCE):
+        steps = np.abs(np.diff(np.unwrap(headings[run])))
+        groups = 1 + np.minimum(steps / _SAME_HEADING, 1.0).sum()
+        shares[run] = groups / (1 + (groups - 1) * alike) / len(run)
+    return shares
 
 
 def _runs(

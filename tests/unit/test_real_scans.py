@@ -19,16 +19,31 @@ from sonarhw.readings import Reading
 SPEED = 343.0  # m/s
 
 
-def test_the_temperature_of_stated_probabilities_is_learned_on_scans_at_known_places() -> None:
-    random = np.random.default_rng(0)
-    better = random.uniform(-8.0, 8.0, 600)
-    first = random.random(600) < expit(better / 2.5)  # true temperature
+def test_the_correlation_of_neighbouring_readings_is_learned_on_scans_at_known_places() -> None:
+    random, alike = np.random.default_rng(0), 0.4
+    angles, ranges = np.radians(np.arange(0.0, 55.0, 5.0)), np.ones(11)
+    share = 1 / (1 + 10 * alike)  # true one of each reading
+    better = random.uniform(-2.0, 2.0, 600)
+    first = random.random(600) < expit(better * 11 * share)
     outcomes = [
-        Outcome("S", str(k), "", (right, not right), np.array([ahead, 0.0]), np.zeros(2), 0.8, 1.0, 0.0, 0.0)
+        Outcome(
+            "S",
+            str(k),
+            "",
+            angles,
+            ranges,
+            right=np.array([right, not right]),
+            mirrored=np.zeros(2, np.bool_),
+            log_likelihoods=np.outer([ahead, 0.0], ranges),
+            priors=np.zeros(2),
+            explained=0.8,
+            unit=1.0,
+            seconds=0.0,
+        )
         for k, (ahead, right) in enumerate(zip(better.tolist(), first.tolist(), strict=True))
     ]
     found = learned_on(outcomes, [0.5, 0.6, 0.7, 0.75])
-    assert found.temperature == pytest.approx(2.5, rel=0.15)
+    assert found.alike == pytest.approx(alike, rel=0.2)
     assert found.usual_explained == pytest.approx(0.8)
     assert found.chance_of_nothing(0.8) < 0.1 < found.chance_of_nothing(0.5)
 

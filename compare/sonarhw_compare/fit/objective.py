@@ -139,6 +139,7 @@ class Problem:
     reported_speed: float | None  # m/s, for ranges from echo times; None if the air is not free
     rounding: float  # m, of the board
     redundancies: tuple[float, ...] = ()  # readings per independent reading, by scan; empty: 1 each
+    shares: FloatArray | None = None  # (n,), of an independent reading, of each reading of the only scan; None: 1 each
     averages: bool = False  # whether values of `tolerance_prior` have that prior, not the widest normal one
     memory: likelihood.PathMemory = field(default_factory=likelihood.PathMemory, compare=False, repr=False)
 
@@ -323,8 +324,12 @@ class Objective:
         for begin in range(0, len(inside), _TOGETHER):
             rows = inside[begin : begin + _TOGETHER]
             for scan, redundancy in enumerate(redundancies):
-                totals[rows] += self._by_reading(values[rows], scan).sum(axis=1) / redundancy
+                totals[rows] += self._summed(self._by_reading(values[rows], scan)) / redundancy
         return np.where(np.isfinite(totals), totals, -math.inf)
+
+    def _summed(self, by_reading: FloatArray) -> FloatArray:
+        shares = self.problem.shares
+        return np.asarray(by_reading.sum(axis=1) if shares is None else by_reading @ shares)
 
     def smooth(self, values: FloatArray) -> FloatArray:
         """Return `many` of vectors (m, size) with an error of levels of at least 2 dB, so that steps are flat."""

@@ -80,11 +80,13 @@ def score_positions(
     height: float | None = None,
     tick: Callable[[], None] = lambda: None,
     others: Sequence[tuple[float, float]] = (),
+    shares: FloatArray | None = None,
 ) -> Scores:
     """Return the scores of a scan at each of `positions` (p, 2) of the turning axis; `tick` is called once for each.
 
     An error of half the spacing lowers the score little. Positions without any path score -inf. The scan is also scored
-    as read in `others`: with these factors of its turntable angles and of its ranges.
+    as read in `others`: with these factors of its turntable angles and of its ranges. `shares` (n,) are those of an
+    independent reading that the readings count as, by default 1 each.
     """
     headings = np.arange(HEADINGS, dtype=np.float64) * (math.tau / HEADINGS)
     ways = [(1.0, 1.0), *others]
@@ -100,6 +102,7 @@ def score_positions(
         for turn, _ in ways
     ]
     width = max(0.7 * spacing, 0.03)
+    shares = np.ones(len(first)) if shares is None else shares
     places = [Place("", (x, y), height=height) for x, y in positions.tolist()]
     for row, paths in enumerate(paths_from_each(room, places, search, board.aperture_radius)):
         tick()
@@ -110,7 +113,7 @@ def score_positions(
             reported = board.unrounded(paths.lengths / 2)
             table = _candidates(headings, paths.leaving, paths.arriving, level, ka, beam_table(ka))
             for way, (_, scale) in enumerate(ways):
-                scores[way, row] = _score(scale * first, bins[way], reported, *table, width)
+                scores[way, row] = _score(scale * first, shares, bins[way], reported, *table, width)
     return Scores(positions, headings, scores[0], spacing, tuple(scores[1:]))
 
 
@@ -146,6 +149,7 @@ def _candidates(
 @compiled
 def _score(
     ranges: FloatArray,
+    shares: FloatArray,
     bins: NDArray[np.int64],
     reported: FloatArray,
     chosen: NDArray[np.int64],
@@ -164,7 +168,7 @@ def _score(
                     break
                 away = (ranges[i] - reported[chosen[h, c]]) / width
                 likelihood += chances[h, c] / (1.0 + away * away)
-            scores[(h - bins[i]) % count] += math.log(likelihood)
+            scores[(h - bins[i]) % count] += shares[i] * math.log(likelihood)
     return scores
 
 

@@ -38,8 +38,8 @@ def test_a_place_has_the_share_of_the_poses_within_ten_centimetres() -> None:
     assert (shares[one], shares[other], set(shares)) == (pytest.approx(0.75), pytest.approx(0.25), set(ROOM.places))
     assert [found.place_near(pose) for pose in found.poses] == [one, one, other, None]
     assert set(located(((x + 0.5, y), 1.0)).places().values()) == {0.0}
-    # the log-posterior of the lattice sums headings and counts neighbours as one reading
-    second = -1.0 - math.log(1 + math.exp(-0.5))
+    # the log-posterior of the lattice sums headings
+    second = -2.0 - math.log(1 + math.exp(-1.0))
     assert located().lattice == pytest.approx([0.0, second])
 
 
