@@ -152,6 +152,7 @@ _MAXIMA = 12  # of the lattice, that are refined
 _HOPELESS = 20.0  # largest deficit of the log-likelihood of the lattice for a start
 _PROMISING = 12.0  # largest deficit of the log-likelihood, after rough refinement, for a full one
 _CLIMBS = 3  # most repetitions of the full refinement
+_POSE = 3  # values of a peak: x, y, heading; sensor and noise follow
 _SAME = 0.03  # m between poses that count as the same
 _SAME_HEADING = math.radians(10)
 _LEAST = 1e-3  # smallest probability of a reported pose
@@ -482,7 +483,7 @@ def locate_scan(
     shares = shares_of_readings(*angles_and_ranges(scan.readings), learned().alike)
     free = with_prior(free, board, expected, spread)
     problem = make_problem([scan], room, board, free, options.prediction, all_echoes=options.all_echoes)
-    problem = replace(problem, shares=shares)
+    problem = replace(problem, shares=(shares,))
     ways = (AS_READ, *(() if rightly else _other_ways(scan.readings, room, board)))
     scores, *others = (
         scores_with_prior(one, expected, spread)
@@ -496,11 +497,16 @@ def locate_scan(
             f"room {room.name!r}, board {board.name!r}: from no position in this room can this board have an echo as "
             "near as those of the scan; check the room, the board and its blanking"
         )
-    found = [_peaks_as_poses(tops)]
+    peaks = [tops]
     for way, rough in zip(ways[1:], others, strict=True):
         arrays = scan_arrays(_read_as(scan, way).readings, None, all_echoes=options.all_echoes)
         read = replace(problem, scans=(arrays,), memory=PathMemory())
-        found.append(_poses_read(way, read, rough, float(scores.scores.max()), shares))
+        peaks.append(_tops_read(way, read, rough, float(scores.scores.max())))
+    best = max((top for tops in peaks for top in tops), key=lambda top: top.score)
+    found = [
+        _peaks_as_poses(_with_sensor_of(best, tops), _gained(way, problem))
+        for way, tops in zip(ways, peaks, strict=True)
+    ]
     located = Located(room, board, tuple(scan.readings), (), scores, len(shares) / float(shares.sum()), 0.0)
     located = replace(located, expected=expected, spread=spread)
     chosen = [(way, poses) for way, poses in zip(ways, found, strict=True) if poses]
@@ -535,18 +541,20 @@ def _read_as(scan: PlacedScan, way: Correction) -> PlacedScan:
     return scan if way == AS_READ else replace(scan, readings=readings)
 
 
-def _poses_read(way: Correction, problem: Problem, scores: Scores, best: float, shares: FloatArray) -> list[Pose]:
-    """Return the poses of a scan that is read in another way; none if its lattice is far below the `best` of the scan.
+def _gained(way: Correction, problem: Problem) -> float:
+    """Return what a way to read a scan adds to the log-likelihood.
 
     A density of ranges in another unit is one of the measured ranges times the factor between them.
     """
-    gained = math.log(way.scale) * float(shares @ (problem.scans[0].counts > 0))
+    return math.log(way.scale) * float(problem.shares[0] @ (problem.scans[0].counts > 0))
+
+
+def _tops_read(way: Correction, problem: Problem, scores: Scores, best: float) -> list[Peak]:
+    """Return the maxima of a scan that is read in another way; none if its lattice is far below `best`."""
     starts = _starts(scores, problem.room, problem.board)[:_OTHER_MAXIMA]
-    if not starts or scores.scores.max() + gained - best < -_UNLIKELY_WAY:
+    if not starts or scores.scores.max() + _gained(way, problem) - best < -_UNLIKELY_WAY:
         return []
-    tops = _tops(problem, starts, lambda _share: None)
-    poses = _peaks_as_poses(tops) if tops else []
-    return [replace(pose, log_likelihood=pose.log_likelihood + gained) for pose in poses]
+    return _tops(problem, starts, lambda _share: None)
 
 
 def _prior(way: Correction, ways: int) -> float:
@@ -628,7 +636,7 @@ def _score_lattice(problem: Problem, others: Sequence[Correction], tick: Callabl
         problem.places[0].height,
         lambda: tick(next(done) / len(positions)),
         [(way.turn, way.scale) for way in others],
-        problem.shares,
+        problem.shares[0],
     )
     return [scores, *(replace(scores, scores=other) for other in scores.others)]
 
@@ -669,6 +677,19 @@ def _tops(problem: Problem, starts: list[tuple[float, float, float]], tick: Call
     return tops
 
 
+def _with_sensor_of(best: Peak, tops: Sequence[Peak]) -> list[Peak]:
+    """Return the maxima, each also refined with the sensor and noise of the best one, if it is then higher.
+
+    All poses have one sensor. A maximisation that ended at another step of the likelihood would decide between them.
+    """
+
+    def again(top: Peak) -> Peak:
+        begin = np.concatenate((top.values[:_POSE], best.values[_POSE:]))
+        return highest(top.objective.problem, begin, _CLIMBS)
+
+    return [top if top is best else max(top, again(top), key=lambda peak: peak.score) for top in tops]
+
+
 def _different(tops: list[Peak]) -> list[Peak]:
     """Return different maxima, best first."""
     kept: list[Peak] = []
@@ -699,22 +720,27 @@ def _within(room: Room, spread: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.inv(np.linalg.inv(spread) + np.diag(12 / sides**2)))
 
 
-def _peaks_as_poses(tops: Sequence[Peak]) -> list[Pose]:
-    """Return the poses at different maxima, best first, without those that are very improbable."""
+def _peaks_as_poses(tops: Sequence[Peak], gained: float) -> list[Pose]:
+    """Return the poses at different maxima, best first, without those that are very improbable.
+
+    `gained` is added to the log-likelihood.
+    """
+    if not tops:
+        return []
     tops = _different(list(tops))
     least = tops[0].score + math.log(_LEAST)
     room, board = tops[0].objective.problem.room, tops[0].objective.problem.board
-    return [_pose(top) for top in _clear([top for top in tops if top.score >= least], room, board)]
+    return [_pose(top, gained) for top in _clear([top for top in tops if top.score >= least], room, board)]
 
 
-def _pose(top: Peak) -> Pose:
+def _pose(top: Peak, gained: float) -> Pose:
     problem = top.objective.problem
     spread = _within(problem.room, covariance_of(top.objective, top.values)[:3, :3])
     dx, dy, turn = (np.sqrt(np.diag(spread)) * problem.widenings[:3]).tolist()
     x, y, heading, offset = top.values[:4].tolist()
     volume = 0.5 * float(np.linalg.slogdet(spread)[1])
     by_reading = top.objective.by_reading(top.values, 0)
-    return Pose((x, y), turned_near(heading), offset, 0.0, (dx, dy, turn), top.score, volume, by_reading)
+    return Pose((x, y), turned_near(heading), offset, 0.0, (dx, dy, turn), top.score + gained, volume, by_reading)
 
 
 # Poses of scans with their uncertainty, from a CSV file.

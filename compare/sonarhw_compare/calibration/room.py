@@ -503,7 +503,7 @@ def _problem(scans: Sequence[PlacedScan], room: Room, board: Board, start: Turnt
         parameters.append(Parameter(shared, "", None, lower, upper, expected, deviation))
     parameters += _reflectances(room, board)
     problem = make_problem(placed, room, board, parameters, PredictionOptions(), all_echoes=False)
-    return replace(problem, redundancies=tuple(readings_per_independent(scan, board) for scan in scans))
+    return problem.with_redundancies(readings_per_independent(scan, board) for scan in scans)
 
 
 def _reflectances(room: Room, board: Board) -> list[Parameter]:
@@ -533,7 +533,7 @@ def spreads(
     # a fit needs a free quantity; it stays at its value
     fixed = (Parameter(quantities.OFFSET, "", None, *quantities.OFFSET.bounds(room, board)),)
     problem = make_problem(placed, room, board, fixed, PredictionOptions(), all_echoes=False)
-    problem = replace(problem, redundancies=tuple(readings_per_independent(scan, board) for scan in scans))
+    problem = problem.with_redundancies(readings_per_independent(scan, board) for scan in scans)
     movable = np.append(False, np.ones(len(problem.noises), np.bool_))
     objective = problem.near(problem.start())
     values = _top(objective, problem.start(), movable)

@@ -318,7 +318,7 @@ def fit_scans(
     sampling = partial(tick, "sampling", 0.7, 1.0)
 
     # for uncertainties and for the comparison of solutions
-    weighted = replace(problem, redundancies=_redundancies(problem))
+    weighted = problem.with_redundancies(_redundancies(problem))
     starts = _starting_poses(problem, options, partial(tick, "searching", 0.0, 0.5))
     solutions = _solutions(problem, weighted, starts, partial(tick, "refining", 0.5, 0.7))
     solutions = _nearest_first(scans, problem, solutions)
@@ -372,7 +372,7 @@ def _solutions(
     rough = [peak_at(problem, refined(problem, start, stages=stages, tick=lambda: tick(0.0))) for start in starts]
     rough.sort(key=lambda peak: -peak.score)
     tops: list[Peak] = []
-    count, promising = len(problem.parameters), _PROMISING * max(weighted.redundancies)
+    count, promising = len(problem.parameters), _PROMISING / min(float(one.mean()) for one in weighted.shares)
     for done, peak in enumerate(rough):
         tick(done / len(rough))
         if rough[0].score - peak.score < promising and not any(
@@ -417,7 +417,7 @@ def _starts(problem: Problem, poses: list[list[ScoredValues]]) -> Iterator[Float
     for scan, several in enumerate(poses):
         rows = problem.pose_rows(scan)
         for other in several[1 : 1 + _OTHERS]:
-            if several[0].score - other.score < _PROMISING * problem.redundancies[scan]:
+            if several[0].score - other.score < _PROMISING / problem.shares[scan].mean():
                 start = best.copy()
                 start[rows] = other.values[rows]
                 yield start

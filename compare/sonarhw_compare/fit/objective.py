@@ -138,8 +138,7 @@ class Problem:
     prediction: PredictionOptions
     reported_speed: float | None  # m/s, for ranges from echo times; None if the air is not free
     rounding: float  # m, of the board
-    redundancies: tuple[float, ...] = ()  # readings per independent reading, by scan; empty: 1 each
-    shares: FloatArray | None = None  # (n,), of an independent reading, of each reading of the only scan; None: 1 each
+    shares: tuple[FloatArray, ...] = ()  # (n,) by scan: what its readings count as; empty: 1 each, all are independent
     averages: bool = False  # whether values of `tolerance_prior` have that prior, not the widest normal one
     memory: likelihood.PathMemory = field(default_factory=likelihood.PathMemory, compare=False, repr=False)
 
@@ -147,6 +146,11 @@ class Problem:
     def receiver(self) -> Receiver:
         """The receiver of the model."""
         return self.prediction.receiver_of(self.board)
+
+    @property
+    def mean_share(self) -> float:
+        """What a reading counts as on average."""
+        return float(np.concatenate(self.shares).mean()) if self.shares else 1.0
 
     @property
     def size(self) -> int:
@@ -186,6 +190,11 @@ class Problem:
         if self.receiver is Receiver.BOARD:
             lower[self.level_row] = math.log(_OVERLAPPING)
         return np.array(lower), np.array(upper)
+
+    def with_redundancies(self, redundancies: Iterable[float]) -> "Problem":
+        """Return the problem with these numbers of readings per independent reading, by scan."""
+        pairs = zip(self.scans, redundancies, strict=True)
+        return replace(self, shares=tuple(np.full(len(scan.angles), 1 / redundancy) for scan, redundancy in pairs))
 
     def start(self) -> FloatArray:
         """Return the values of the given room, places and board, with `MODERATE` noise, (size,)."""
@@ -320,16 +329,13 @@ class Objective:
         """Return the same of several vectors (m, size) at once, (m,); this takes less time than one by one."""
         totals = self._log_priors(values)
         inside = np.flatnonzero(np.isfinite(totals))
-        redundancies = self.problem.redundancies or (1.0,) * len(self.paths)
+        shares = self.problem.shares
         for begin in range(0, len(inside), _TOGETHER):
             rows = inside[begin : begin + _TOGETHER]
-            for scan, redundancy in enumerate(redundancies):
-                totals[rows] += self._summed(self._by_reading(values[rows], scan)) / redundancy
+            for scan in range(len(self.paths)):
+                by_reading = self._by_reading(values[rows], scan)
+                totals[rows] += by_reading @ shares[scan] if shares else by_reading.sum(axis=1)
         return np.where(np.isfinite(totals), totals, -math.inf)
-
-    def _summed(self, by_reading: FloatArray) -> FloatArray:
-        shares = self.problem.shares
-        return np.asarray(by_reading.sum(axis=1) if shares is None else by_reading @ shares)
 
     def smooth(self, values: FloatArray) -> FloatArray:
         """Return `many` of vectors (m, size) with an error of levels of at least 2 dB, so that steps are flat."""

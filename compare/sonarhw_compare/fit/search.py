@@ -30,7 +30,7 @@ from sonarhw_compare.fit.result import FitOptions
 
 _SEARCHES = 6  # of paths, in one stage
 _ITERATIONS = 8
-_GAIN = 1.0  # of the log-likelihood; a refinement that gains less is the last
+_GAIN = 1.0  # of the log-likelihood of whole readings; a refinement that gains less is the last
 _SETTLED = 0.5  # steps; a smaller change needs no new search of paths
 _ENOUGH = 1e-4  # tolerance of the log-likelihood
 _NARROW = 0.05  # tolerance of a parameter, in widths
@@ -64,18 +64,18 @@ def highest(problem: Problem, values: FloatArray, most: int, tick: Callable[[], 
     def refine(values: FloatArray) -> Peak:
         return peak_at(problem, refined(problem, values, None, (None,), tick=tick))
 
-    return max(repeated(refine(values), refine, most), key=lambda peak: peak.score)
+    return max(repeated(refine(values), refine, most, _GAIN * problem.mean_share), key=lambda peak: peak.score)
 
 
-def repeated(first: Peak, refine: Callable[[FloatArray], Peak], most: int) -> list[Peak]:
-    """Return `first` and up to `most` maxima, each refined from the one before, until one gains little.
+def repeated(first: Peak, refine: Callable[[FloatArray], Peak], most: int, least: float = _GAIN) -> list[Peak]:
+    """Return `first` and up to `most` maxima, each refined from the one before, until one gains less than `least`.
 
     With little noise, one refinement may end at a step of the likelihood.
     """
     peaks = [first]
     for _ in range(most):
         peaks.append(refine(peaks[-1].values))
-        if peaks[-1].score - peaks[-2].score < _GAIN:
+        if peaks[-1].score - peaks[-2].score < least:
             break
     return peaks
 
