@@ -24,7 +24,7 @@ from statistics import fmean, median, pstdev
 from time import process_time
 
 import numpy as np
-from scipy.optimize import minimize, minimize_scalar
+from scipy.optimize import minimize
 from scipy.special import expit, logit, logsumexp, softmax
 from scipy.stats import binomtest
 from sonarhw_compare.corrections import MIRRORED
@@ -41,6 +41,7 @@ POOLED = (0.0, 0.8, 1.0)  # few scans in a band cannot contradict what it states
 RIGHT = 0.1  # m from the true position
 SAME_TEAM = {"A": "AB", "B": "AB"}  # two recordings by one team are one sensor
 WRONG_ROOM = 0.03  # assumed share of scans that are located in a wrong room
+ALIKE = tuple(k / 20 for k in range(1, 20))  # the likelihood is flat, and a search depends a little on it
 _EVERY = 4  # scan is located in other rooms, too
 _LEAST = 1e-3  # probability that a right pose has at least
 _IMPOSSIBLE = -30.0  # logarithm of the weight of reversed angles without a pose
@@ -147,7 +148,7 @@ def learned_on(outcomes: Sequence[Outcome], elsewhere: Sequence[float]) -> Learn
     def loss(alike: float) -> float:
         return mean_of(outcomes, lambda one: -math.log(max(softmax(one.weights(alike))[one.right].sum(), _LEAST)))
 
-    alike = float(minimize_scalar(loss, bounds=(0.0, 1.0), method="bounded").x)
+    alike = min(ALIKE, key=loss)
     usual = mean_of(outcomes, lambda one: one.explained)
     shares = np.array([*(one.explained for one in outcomes), *elsewhere])
     wrong = np.repeat([False, True], [len(outcomes), len(elsewhere)])

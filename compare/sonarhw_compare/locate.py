@@ -384,10 +384,10 @@ class Located:
 
     @property
     def better_read(self) -> OtherReading | None:
-        """The other way to read the scan, if it is more probable than all poses together."""
+        """The other way to read the scan, if it is more probable than all poses together, and than none of these."""
         best = max(self.others, key=lambda other: other.pose.probability, default=None)
         poses = sum(pose.probability for pose in self.poses)
-        return best if best is not None and best.pose.probability > poses else None
+        return best if best is not None and best.pose.probability > max(poses, self.nothing) else None
 
     @property
     def mirrored(self) -> Pose | None:
@@ -512,7 +512,9 @@ def locate_scan(
     chosen = [(way, poses) for way, poses in zip(ways, found, strict=True) if poses]
 
     def explained(way: Correction, pose: Pose) -> float:
-        return _explained(_read_as(scan, way), room, board, pose, options)
+        # an echo within 5 cm of the range in the log: a smaller room would explain more echoes within 5 cm of its own
+        tolerance = min(1.0, way.scale) * TOLERANCE
+        return _explained(_read_as(scan, way), room, board, pose, options, tolerance)
 
     located = _with_probabilities(located, chosen, explained, rightly)
     tick(1.0)
@@ -610,13 +612,13 @@ def _most_probable(shares: FloatArray, poses: Sequence[Pose]) -> tuple[Pose, ...
     return tuple(poses[k] for k in likely)
 
 
-def _explained(scan: PlacedScan, room: Room, board: Board, pose: Pose, options: FitOptions) -> float:
+def _explained(scan: PlacedScan, room: Room, board: Board, pose: Pose, options: FitOptions, tolerance: float) -> float:
     echoes = [reading for reading in scan.readings if reading.range is not None]
     headings = np.array([board.heading_at(reading.angle, pose.heading) for reading in echoes])
     place = board.faced(replace(scan.place, position=pose.position, heading=pose.heading))
     measured = np.array([reading.range for reading in echoes], dtype=np.float64) + pose.offset
     predicted = predict_readings(room, place, board, headings, options.prediction).ranges
-    return float((np.abs(measured - predicted) <= TOLERANCE).mean())
+    return float((np.abs(measured - predicted) <= tolerance).mean())
 
 
 def _score_lattice(problem: Problem, others: Sequence[Correction], tick: Callable[[float], None]) -> list[Scores]:
