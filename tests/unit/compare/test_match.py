@@ -17,7 +17,7 @@ from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_compare.locate import PoseSpread
 from sonarhw_compare.map import map_scans
 from sonarhw_compare.match import KINDS, TOLERANCE, Comparison, Kind, classify, compare_readings, roc_area
-from sonarhw_compare.regions import Region, regions_of
+from sonarhw_compare.regions import Region, regions_of, shares_of_readings
 from sonarhw_compare.rooms.evidence import evidence_of
 from sonarhw_compare.score import assigned, compare_regions, echo_statistics, match_regions, score_comparison
 from sonarhw_sim.board.profile import Board, Mount, OwnBodyPart, load_board
@@ -116,6 +116,15 @@ def ranges_with(*parts: tuple[int, int, float], other: float = math.nan) -> np.n
 def test_regions_end_at_wide_silence_only(ranges: np.ndarray, found: list[tuple[float, int, int]]) -> None:
     regions = regions_of(HEADINGS, ranges)
     assert sorted((one.range, len(one), one.rows[0]) for one in regions) == sorted(found)
+
+
+def test_neighbours_with_one_range_and_readings_near_each_other_count_less() -> None:
+    headings = np.radians([0.0, 5.0, 10.0, 90.0, 91.0, 180.0, 270.0])
+    ranges = np.array([math.nan, math.nan, math.nan, 1.0, 1.0, 1.5, 2.0])
+    run, near = 3 / (1 + 2 * 0.5) / 3, 1.2 / (1 + 0.2 * 0.5) / 2
+    assert shares_of_readings(headings, ranges, 0.5) == pytest.approx([run, run, run, near, near, 1.0, 1.0])
+    twice = shares_of_readings(np.repeat(headings, 2), np.repeat(ranges, 2), 0.5)
+    assert twice.sum() == pytest.approx(shares_of_readings(headings, ranges, 0.5).sum())
 
 
 def arc(begin: float, end: float, distance: float = 1.0) -> Region:
