@@ -9,7 +9,7 @@ What `locate` has learned on sensors (`compare/sonarhw_compare/learned.toml`) is
 without its scans, so that no probability in the table is learned on the sensor that it is of. `--learn` learns it on
 all sensors and writes that file: so a folder with scans of another sensor adds it to the population. For this, some
 scans are also located in rooms in which they were not made. Results of each scan are kept in build/real_scans, so that
-an interrupted run goes on. Seven minutes of processor time for 59 scans.
+an interrupted run goes on. Ten minutes of processor time for 59 scans.
 
 `--mirrored` also prints how often scans with reversed angles are recognised, and others are taken for reversed ones.
 """
@@ -41,7 +41,7 @@ POOLED = (0.0, 0.8, 1.0)  # few scans in a band cannot contradict what it states
 RIGHT = 0.1  # m from the true position
 SAME_TEAM = {"A": "AB", "B": "AB"}  # two recordings by one team are one sensor
 WRONG_ROOM = 0.03  # assumed share of scans that are located in a wrong room
-ALIKE = tuple(k / 20 for k in range(1, 20))  # the likelihood is flat, and a search depends a little on it
+ALIKE = tuple(k / 10 for k in range(1, 10))  # the likelihood is flat, and a search depends a little on it
 _EVERY = 4  # scan is located in other rooms, too
 _LEAST = 1e-3  # probability that a right pose has at least
 _IMPOSSIBLE = -30.0  # logarithm of the weight of reversed angles without a pose
@@ -161,7 +161,7 @@ def learned_on(outcomes: Sequence[Outcome], elsewhere: Sequence[float]) -> Learn
     # both kinds of rooms are as frequent here
     at_usual, by_share = minimize(wrong_room_loss, [0.0, 0.1], method="Nelder-Mead").x.tolist()
     spread = pstdev([one.explained for one in outcomes if one.right[0]])
-    missing = mean_of(outcomes, lambda one: not one.right.any())
+    missing = (1 + sum(not one.right.any() for one in outcomes)) / (2 + len(outcomes))  # rule of succession
     return Learned(alike, usual, spread, missing, float(expit(at_usual + logit(WRONG_ROOM))), by_share)
 
 
