@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 Point = tuple[float, float]
 
-_ELEMENTS, _FEWEST = 16, 4  # on a wavelength; on a wall
+_ELEMENTS, _FEWEST = 16, 6  # on a wavelength; on a wall
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 _INNER = 12  # points within each solid
 _SQUARE = np.array([[0.5, 0.5], [-0.5, 0.5], [-0.5, -0.5], [0.5, -0.5], [0.5, 0.5]])
@@ -36,11 +36,11 @@ class RigidScene:
     posts: Sequence[tuple[float, float, float]] = ()  # x, y, radius
     mirror: float | None = None  # x of an endless wall across the x axis
 
-    def elements(self) -> Floats:
-        """Return the ends of all elements, (n, 2, 2), of equal length on each wall."""
-        parts = [ends for chain in self.plates for ends in _pieces(chain)]
+    def elements(self, finer: int) -> Floats:
+        """Return the ends of all elements, (n, 2, 2), of equal length on each wall, `finer` times as many as needed."""
+        parts = [ends for chain in self.plates for ends in _pieces(chain, finer)]
         for x, y, radius in self.posts:
-            count = max(24, math.ceil(math.tau * radius / WAVELENGTH * _ELEMENTS))
+            count = finer * max(12, math.ceil(math.tau * radius / WAVELENGTH * _ELEMENTS))
             turn = math.tau / count
             # a polygon of the same area
             outer = radius * math.sqrt(turn / math.sin(turn))
@@ -60,10 +60,10 @@ class RigidScene:
         return np.concatenate(parts)
 
 
-def _pieces(chain: Sequence[Point]) -> Iterator[Floats]:
+def _pieces(chain: Sequence[Point], finer: int) -> Iterator[Floats]:
     for begin, end in itertools.pairwise(np.array(chain)):
         # equal ones: near neighbours of another length, the slope at the middle of an element is wrong
-        count = max(_FEWEST, math.ceil(math.dist(begin, end) / WAVELENGTH * _ELEMENTS))
+        count = finer * max(_FEWEST, math.ceil(math.dist(begin, end) / WAVELENGTH * _ELEMENTS))
         points = begin + np.linspace(0.0, 1.0, count + 1)[:, None] * (end - begin)
         yield np.stack((points[:-1], points[1:]), axis=1)
 
@@ -115,10 +115,18 @@ def _mirrored(ends: Floats, mirror: float) -> Floats:
 
 
 def scattered(scene: RigidScene, place: Point, k: float, receiver: Point | None = None) -> complex:
-    """Return the sound at `receiver` of a source at `place`, without that which comes straight, at wave number k."""
+    """Return the sound at `receiver` of a source at `place`, without that which comes straight, at wave number k.
+
+    The error of equal elements is proportional to their length, so that of two lengths gives the limit (Richardson).
+    """
+    coarse, fine = (_scattered(scene, place, k, receiver, finer) for finer in (1, 2))
+    return 2 * fine - coarse
+
+
+def _scattered(scene: RigidScene, place: Point, k: float, receiver: Point | None, finer: int) -> complex:
     source = np.array(place, dtype=np.float64)
     end = source if receiver is None else np.array(receiver, dtype=np.float64)
-    ends = scene.elements()
+    ends = scene.elements(finer)
     sources, total = [source], 0.0 + 0.0j
     if scene.mirror is not None:
         sources.append(np.array([2 * scene.mirror - source[0], source[1]]))
