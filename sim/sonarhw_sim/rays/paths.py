@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,7 +43,7 @@ from sonarhw_sim.rays.sequences import (
 from sonarhw_sim.rays.shadows import with_shadows
 from sonarhw_sim.room.grid import IntArray
 from sonarhw_sim.room.room import Room
-from sonarhw_sim.room.small_things import Followed, followed
+from sonarhw_sim.room.small_things import Followed, followed, near_clusters
 
 # All paths of sound from a place back to it, or to a separate receiver.
 #
@@ -77,6 +77,11 @@ class PathSearch:
     leaving: FloatArray | None = None  # (n, rays): the most amplitude of rays of each place at departure; None: 1
     until: float = math.inf  # m: only the paths up to this length are listed, as in a search without this limit
     small: bool = True  # whether small walls are one thing, in the plan: joined on a line, and solved by the wave
+
+    @property
+    def solves(self) -> bool:
+        """Whether clusters of small walls are solved by the wave."""
+        return self.small and self.diffraction and self.edge_strength is EdgeStrength.UNIFORM
 
     @property
     def directions(self) -> FloatArray:
@@ -235,10 +240,27 @@ def _paths_between(
 
     With `passing` there is one source. The receivers are the senders if `ends` is `sources`.
     """
-    by_wave = search.diffraction and search.edge_strength is EdgeStrength.UNIFORM
-    small = followed(room, search.wavelength, by_wave) if search.small and passing is None else None
-    if small is None:
+    if not search.small or passing is not None:
         return _by_rays(room, sources, search, ends, passing)
+    near = np.zeros(len(sources), np.bool_)
+    if search.solves:
+        near = near_clusters(room, search.wavelength, sources) | near_clusters(room, search.wavelength, ends)
+    groups = [
+        _of_rows(np.flatnonzero(near == beside), sources, search, ends, partial(_with_clusters, room, beside))
+        for beside in (False, True)
+        if (near == beside).any()
+    ]
+    if len(groups) == 1:
+        return groups[0]
+    paths = PartialPaths.join(groups)
+    return paths.select(np.argsort(paths.places, kind="stable"))
+
+
+def _with_clusters(room: Room, near: bool, sources: FloatArray, search: PathSearch, ends: FloatArray) -> PartialPaths:
+    """Return the paths of `_paths_between` of places `near` clusters of small walls, or not."""
+    small = followed(room, search.wavelength, search.solves, near)
+    if small is None:
+        return _by_rays(room, sources, search, ends, None)
     paths = numbered(_by_rays(small.room, sources, search, ends, None, small.faces), small, room)
     if small.clusters:
         paths = past_clusters(paths, small, room)
@@ -281,7 +303,8 @@ def _by_rays(
     both_ways = ends is sources
     outside = ~(_inside_post(room, sources, passing) | _inside_post(room, ends, passing))
     if not outside.all():
-        return _outside_posts(room, sources, search, ends, passing, np.flatnonzero(outside), faces)
+        by_rays = partial(_by_rays, room, passing=passing, faces=faces)
+        return _of_rows(np.flatnonzero(outside), sources, search, ends, by_rays)
     diffracting = _diffracting_edges(room, sources, ends, search)
     edges = np.flatnonzero(diffracting.any(axis=0))
     to_edges = np.where(diffracting, _longest_partial(room, ends, search), -math.inf)[:, edges]
@@ -325,22 +348,22 @@ def _by_rays(
     return past_thin_posts(room, paths, search.wavelength, search.faintest_diffraction) if shadows else paths
 
 
-def _outside_posts(
-    room: Room,
+def _of_rows(
+    rows: NDArray[np.intp],
     sources: FloatArray,
     search: PathSearch,
     ends: FloatArray,
-    passing: Passing | None,
-    rows: NDArray[np.intp],
-    faces: FloatArray | None,
+    between: Callable[[FloatArray, PathSearch, FloatArray], PartialPaths],
 ) -> PartialPaths:
-    """Return the paths of `_by_rays` for these rows of the places only."""
+    """Return the paths `between` these rows of the places only."""
     if not len(rows):
         return PartialPaths.none()
+    if len(rows) == len(sources):
+        return between(sources, search, ends)
     chosen = sources[rows]
     some = search if search.axes is None else replace(search, axes=search.axes.select(rows))
     some = some if some.leaving is None else replace(some, leaving=some.leaving[rows])
-    paths = _by_rays(room, chosen, some, chosen if ends is sources else ends[rows], passing, faces)
+    paths = between(chosen, some, chosen if ends is sources else ends[rows])
     return replace(paths, places=rows.astype(np.int32)[paths.places])
 
 

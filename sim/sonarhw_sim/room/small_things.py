@@ -29,7 +29,8 @@ _LARGEST = 90.0  # the outline of a cluster that is solved
 _BESIDE = 8.0  # an endless wall continues so far at both sides of a cluster
 _LEAST_BESIDE = 1.0  # the same, of a piece of walls that are not solved together
 _NARROW = 7.0  # a cluster in one part
-_WINDOW, _MOST_WINDOWS = 8.0, 4  # distance and number of windows along a cluster
+_WINDOW, _MOST_WINDOWS = 8.0, 4  # distance and number of windows along a cluster; for near places, half and twice
+_NEAR_PLACE = 50.0  # there, 8 wavelengths are 0.16 rad: the beam changes between two windows
 _SAMPLES = 64  # points of a wall, to find the windows that contain a part of it
 _TOGETHER = 64.0  # sound that makes a detour as long arrives after a burst
 _MOST = 1000  # short walls; with more, a room has no clusters
@@ -80,8 +81,11 @@ class Cluster:
     on_wall: bool = False
     part: SoundPart = WHOLE
 
-    def parts(self, wavelength: float) -> "tuple[Cluster, ...]":
-        """Return the parts of a wide cluster, each with the centre by which rays follow its sound."""
+    def parts(self, wavelength: float, near: bool) -> "tuple[Cluster, ...]":
+        """Return the parts of a wide cluster, each with the centre by which rays follow its sound.
+
+        Between two centres, the beam's factor is interpolated linearly, so for `near` places there are more of them.
+        """
         walls = np.array(self.local).reshape(-1, 2, 2)
         openings = np.array([((a, 0.0), (b, 0.0)) for a, b in self.openings]).reshape(-1, 2, 2)
         lines = np.concatenate((walls, openings))
@@ -90,8 +94,9 @@ class Cluster:
         if self.on_wall:
             # rays to a centre below the wall would be blocked
             low[1], high[1] = 0.0, 0.0 if self.openings else max(high[1], 0.0)
-        wide, windows = high - low > _NARROW * wavelength, np.ceil((high - low) / (_WINDOW * wavelength))
-        counts = np.where(wide, np.minimum(1 + windows, _MOST_WINDOWS), 1).astype(int).tolist()
+        finer = 2 if near else 1
+        wide, windows = high - low > _NARROW * wavelength, np.ceil(finer * (high - low) / (_WINDOW * wavelength))
+        counts = np.where(wide, np.minimum(1 + windows, finer * _MOST_WINDOWS), 1).astype(int).tolist()
         if counts == [1, 1]:
             return (self,)
         spans = tuple((float(a), float(b)) for a, b in zip(low, high, strict=True))
@@ -126,9 +131,20 @@ class Followed:
     faces: FloatArray  # (e, 2): reflectances at the edges of `room`; its own walls of clusters reflect no rays
 
 
+def near_clusters(room: Room, wavelength: float, places: FloatArray) -> NDArray[np.bool_]:
+    """Return which places (n, 2) are so near to a solved cluster that its parts have to be smaller, (n,)."""
+    rows = [row for cluster in clusters_of(room, wavelength) if cluster.solvable for row in cluster.walls]
+    if not rows:
+        return np.zeros(len(places), np.bool_)
+    return np.asarray((wall_distances(places, room.walls[rows]) < _NEAR_PLACE * wavelength).any(axis=1))
+
+
 @lru_cache(maxsize=8)
-def followed(room: Room, wavelength: float, solves: bool) -> Followed | None:
-    """Return the room that rays follow; None if it is the room itself. Without `solves`, no cluster is solved."""
+def followed(room: Room, wavelength: float, solves: bool, near: bool) -> Followed | None:
+    """Return the room that rays follow from places `near` clusters or not; None if it is the room itself.
+
+    Without `solves`, no cluster is solved.
+    """
     groups, walls = _on_one_line(room)
     clusters = clusters_of(room, wavelength) if solves else ()
     solved = tuple(cluster for cluster in clusters if cluster.solvable)
@@ -147,7 +163,7 @@ def followed(room: Room, wavelength: float, solves: bool) -> Followed | None:
     kept = [k for k, group in enumerate(groups) if not removed.intersection(group)]
     bare = [k for k, group in enumerate(groups) if not (removed | alone).intersection(group)]
     base = _with_walls(room, walls, groups, kept)
-    parts = tuple(part for cluster in solved for part in cluster.parts(wavelength))
+    parts = tuple(part for cluster in solved for part in cluster.parts(wavelength, near))
     without = replace(_with_walls(room, walls, groups, bare), edges=_centres(parts))
     joined = tuple(groups[k] for k in kept)
     silent = [row for row, group in enumerate(joined) if alone.intersection(group)]
