@@ -127,7 +127,7 @@ def test_written_positions_determine_a_room(folder: Path, tmp_path: Path, capsys
 def test_no_room_is_written_unless_wanted(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     given, file = [str(tmp_path / f"{name}.mcap") for name in "ac"], tmp_path / "found.toml"
     for name, log in zip("ac", given, strict=True):
-        command = ["simulate", str(folder / "true.toml"), "--place", name, "--step", "15", "--board", "hc-sr04"]
+        command = ["simulate", str(folder / "true.toml"), "--place", name, "--step", "10", "--board", "hc-sr04"]
         assert run([*command, "--out", log]) == 0
     capsys.readouterr()
     command = ["map", *given, "--pose", "0.6,0.7,0", "--pose", "1.2,1.5,130"]  # the second is wrong
