@@ -14,7 +14,7 @@ about a minute and a half of processor time.
 (some minutes of processor time). `--inside` compares small concave things: slots, trays, stairs, ducts, louvres.
 
 `--rooms [COUNT [FIRST]]` compares the first echoes of whole small rooms with legs, cables, door jambs, ducts and
-skirtings, 120 headings each, with boundary elements for the whole room (half a minute of processor time each; solved
+skirtings, 120 headings each, with boundary elements for the whole room (10 to 25 s of processor time each; solved
 rooms are kept in `build/small_rooms`). Default: 40 rooms. These readings have no limit.
 """
 
