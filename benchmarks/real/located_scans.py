@@ -92,9 +92,15 @@ def main() -> None:
         for room in OTHER_ROOMS
     ]
     found, odds = [], []
+    without = {
+        left_out: learned_on(
+            [one for one in outcomes if one.sensor != left_out],
+            [share for sensor, share in elsewhere if sensor != left_out],
+        )
+        for left_out in {outcome.sensor for outcome in outcomes}
+    }
     for outcome in outcomes:
-        others = [one for one in outcomes if one.sensor != outcome.sensor]
-        by = learned_on(others, [share for sensor, share in elsewhere if sensor != outcome.sensor])
+        by = without[outcome.sensor]
         found.append(first_pose(outcome, by))
         odds.append(outcome.odds_of_mirrored(by.alike))
         stated, right = found[-1]

@@ -244,7 +244,9 @@ def _paths_between(
         return _by_rays(room, sources, search, ends, passing)
     near = np.zeros(len(sources), np.bool_)
     if search.solves:
-        near = near_clusters(room, search.wavelength, sources) | near_clusters(room, search.wavelength, ends)
+        near = near_clusters(room, search.wavelength, sources)
+        if ends is not sources:
+            near |= near_clusters(room, search.wavelength, ends)
     groups = [
         _of_rows(np.flatnonzero(near == beside), sources, search, ends, partial(_with_clusters, room, beside))
         for beside in (False, True)
